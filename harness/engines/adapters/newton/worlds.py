@@ -10,7 +10,6 @@ Source: Newton documentation, Conventions; ``newton/_src/solvers/featherstone/ke
 from __future__ import annotations
 
 import itertools
-import re
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
@@ -221,58 +220,6 @@ def _sanitized(name: str, request: Request) -> str:
     return name.replace("-", "_") if request.format == "mjcf" else name
 
 
-def _of_prims(robot: Any, request: Request, paths: Mapping[str, int]) -> Joined:
-    """The joints of the request that each joint of Newton is made of, in its order; ``paths`` of prims to its numbers, in this order.
-
-    It is not that of the file, docs/issues/newton-usd-sequence-of-joints.md. A free joint has no prim.
-    """
-    carried = {robot.body_label[child]: number for number, child in enumerate(robot.joint_child)}
-    by_path = {joint.tag: joint for joint in request.joints}
-    found: dict[int, list[AskedJoint]] = {}
-    for path, number in paths.items():
-        if path in by_path:
-            found.setdefault(number, []).append(by_path[path])
-    free = {carried[joint.tag]: [joint] for joint in request.joints if joint.kind == JointKind.FREE and joint.tag in carried}
-    return found | free
-
-
-def _with_stage(robot: Any, request: Request) -> Mapping[str, int]:
-    """Let a builder read a stage but for the joints that close loops; the numbers of its joints by the paths of prims.
-
-    An aided one has the first body of each tree that is in no articulation for the root of one.
-
-    Raises:
-        Refused: there is such a tree, and the request is not aided; or one of a body by itself, of which the solver would take another
-            body's inertia.
-    """
-    # Imported late: files of other formats are read where it is not.
-    from pxr import Usd, UsdPhysics
-
-    whole, source = newton.ModelBuilder(), Usd.Stage.Open(str(request.path))
-    found, tree = whole.add_usd(source)["path_joint_map"], {joint.tag for joint in request.joints}
-    moving = [path for path, number in found.items() if whole.joint_type[number] != newton.JointType.FIXED]
-    closing = [f"{re.escape(path)}$" for path in moving if path not in tree]
-    loose = [path for path in moving if path in tree and whole.joint_articulation[found[path]] < 0]
-    if loose and request.aid is None:
-        raise Refused(
-            f"{loose[0]} is in no articulation, and SolverFeatherstone moves nothing else; "
-            "apply PhysicsArticulationRootAPI to the root of the robot"
-        )
-    source.SetEditTarget(source.GetSessionLayer())
-    for number in {found[path] for path in loose if whole.joint_parent[found[path]] < 0}:
-        UsdPhysics.ArticulationRootAPI.Apply(source.GetPrimAtPath(whole.body_label[whole.joint_child[number]]))
-    paths: Mapping[str, int] = robot.add_usd(source, ignore_paths=closing)["path_joint_map"]
-    # A body by itself is none for the importer, whatever its schemas are.
-    for number in [number for number, articulation in enumerate(robot.joint_articulation) if articulation < 0]:
-        if robot.joint_child[number] != number:
-            raise Refused(
-                f"{robot.joint_label[number]} is joint {number}, and moves body {robot.joint_child[number]}; SolverFeatherstone takes the "
-                "inertia of the body with the number of the joint"
-            )
-        robot.add_articulation([number])
-    return paths
-
-
 def _joined(robot: Any, request: Request) -> Joined:
     """The joints of the request that each joint of Newton with velocities is made of, by its number.
 
@@ -345,25 +292,30 @@ def _imported(request: Request, source: str) -> NewtonFile:
     """A file, or its text, as the importer reads it.
 
     Raises:
-        Refused: in the importer's words.
+        Refused: in the importer's words, or as ``stages.read_stage``.
     """
-    robot = newton.ModelBuilder()
-    paths: Mapping[str, int] = {}
-    if request.aid is not None and request.format == "urdf":
-        robot.default_shape_cfg.density = 0.0
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            if request.format == "mjcf":
-                robot.add_mjcf(source, skip_equality_constraints=True)
-            elif request.format == "usd":
-                paths = _with_stage(robot, request)
-            else:
-                robot.add_urdf(source, floating=bool(request.floating_base) or None)
+            robot, joined = _robot_of(request, source)
     except Refused:
         raise
     except Exception as error:
         raise Refused(f"{type(error).__name__}: {' '.join(str(error).split())}") from error
-    if request.format != "usd":
-        return NewtonFile(request, robot, _joined(robot, request))
-    return NewtonFile(request, robot, _of_prims(robot, request, paths))
+    return NewtonFile(request, robot, joined)
+
+
+def _robot_of(request: Request, source: str) -> tuple[Any, Joined]:
+    if request.format == "usd":
+        # Imported late: files of other formats are read where OpenUSD is not.
+        from harness.engines.adapters.newton.stages import read_stage
+
+        return read_stage(request)
+    robot = newton.ModelBuilder()
+    if request.format == "mjcf":
+        robot.add_mjcf(source, skip_equality_constraints=True)
+        return robot, _joined(robot, request)
+    if request.aid is not None:
+        robot.default_shape_cfg.density = 0.0
+    robot.add_urdf(source, floating=bool(request.floating_base) or None)
+    return robot, _joined(robot, request)

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from fractions import Fraction
+from functools import lru_cache
+from pathlib import Path
 
 from harness.explain.changes.readings import (
     _left_out,
@@ -79,7 +81,7 @@ def _heavy(robot: Robot) -> Tree:
     """The gravity of the file without the flag of MuJoCo."""
     if any(robot.tree.gravity):
         return robot.tree
-    document = _stage(robot)
+    document = _stage(robot.path)
     prims = [replace(prim, values={name: value for name, value in prim.values.items() if name != _FLAG}) for prim in document.prims]
     return replace(robot.tree, gravity=meaning_of_stage(replace(document, prims=tuple(prims))).tree.gravity)
 
@@ -87,7 +89,7 @@ def _heavy(robot: Robot) -> Tree:
 @law("gravity of scenes of Newton", "files", supplied=True, after=(_heavy.name,))
 def _defaulted(robot: Robot) -> Tree:
     """9.81 units of length of the stage [1/s^2] along -z where NewtonSceneAPI is applied to the scene."""
-    document = _stage(robot)
+    document = _stage(robot.path)
     scene = next((prim for prim in document.prims if _NEWTON in prim.schemas), None)
     if scene is None:
         return robot.tree
@@ -97,8 +99,9 @@ def _defaulted(robot: Robot) -> Tree:
     return robot.tree if [*map(float, robot.tree.gravity)] == [*map(float, gravity)] else replace(robot.tree, gravity=vector(gravity))
 
 
-def _stage(robot: Robot) -> UsdDocument:
-    document = read_any(robot.path, "a robot")
+@lru_cache(maxsize=4)
+def _stage(path: Path) -> UsdDocument:
+    document = read_any(path, "a robot")
     assert isinstance(document, UsdDocument)
     return document
 
