@@ -99,6 +99,13 @@ def test_an_optional_engine_has_an_extra_and_declares_what_is_needed(name: str) 
     assert engine.unit_roundoff == (2.0**-24 if name in IN_FLOAT32 else UNIT_ROUNDOFF)
 
 
+def test_the_newest_version_has_companions_as_a_named_one_has() -> None:
+    files = describe_engines(BUILT_IN, Workers)
+    for version in ("", "0.7.0"):
+        assert files["physx"].requirements(version)[0] == "usd-core"
+    assert files["pinocchio"].requirements("3.9.0") and not files["pinocchio"].requirements("")
+
+
 @pytest.mark.ci
 @pytest.mark.parametrize(("gravity", "declaration", "verdict"), [
     ("9.81", "unit_roundoff = 2.0**-24", "agrees"),

@@ -50,6 +50,8 @@ def test_the_layer_over_a_stage_is_the_same_robot(seed: int, tmp_path: Path) -> 
     joints = [UsdPhysics.Joint(prim) for prim in stage.Traverse() if prim.IsA(UsdPhysics.Joint)]
     inbound = [str(target) for joint in joints for target in joint.GetBody1Rel().GetTargets()]
     assert len(inbound) == len(set(inbound)), "a link hangs by one joint"
+    tying = [joint for joint in joints if joint.GetPrim() not in roots]
+    assert all(joint.GetBody0Rel().GetTargets() for joint in tying), "what moves hangs on a base, and not on the world"
 
 
 def test_gravity_that_a_file_switches_off_is_off_in_the_layer(tmp_path: Path) -> None:
