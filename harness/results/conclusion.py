@@ -203,7 +203,8 @@ def _when_supplied(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
     for one in aided:
         if one not in right and one.outcome not in ("refused", "lost digits"):
             why = explanation(one.readings) or one.message or "; ".join(one.rest)
-            yield f"{one.program}, supplied with what its reader leaves out: {one.outcome}{why and f', {why}'}"
+            outcome = "no joint is left" if one.left_nothing else one.outcome
+            yield f"{one.program}, supplied with what its reader leaves out: {outcome}{why and f' ({why})'}"
 
 
 def _impossible(file: FileRecord, detail: Detail) -> Iterator[str]:

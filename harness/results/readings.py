@@ -133,7 +133,8 @@ def explanation(readings: Iterable[Effect], most: int | None = None) -> str:
     felt = [one for one in by_effect(readings) if one.size is None or one.size > FELT]
     kept = telling(felt, lambda one: one.size)[0][:most]
     more = [f"{len(felt) - len(kept)} more"] if len(felt) > len(kept) else []
-    return ", ".join([*(f"{one.name} {share_text(one.size)}" for one in kept), *more])
+    sizes = ("(effect unknown)" if one.size is None else share_text(one.size) for one in kept)
+    return ", ".join([*(f"{one.name} {size}" for one, size in zip(kept, sizes, strict=True)), *more])
 
 
 def reading_lines(readings: Iterable[Effect], detail: Detail = Detail.BRIEF) -> list[str]:
