@@ -51,7 +51,7 @@ def judge(meant: Meant, answers: EngineAnswers, engine: str, stance: Stance) -> 
     read = read_as(meant, folded.robot)
     if read.undetermined:
         # Of a robot that has no accelerations any more, an engine may answer anything.
-        return replace(record, verdict=Verdict.DISAGREES, explained=True, left_nothing=f"as it reads the file, {read.undetermined}")
+        return replace(record, verdict=Verdict.DISAGREES, explained=True, another_robot=f"as it reads the file, {read.undetermined}")
     if unread := [name for name in folded.robot.joints if name not in answers.accelerations]:
         return replace(record, rest=[f"the engine has no joint {', '.join(unread)}"])
     after = compared if read is meant and compared is not None else _judged(read, answers, caller)

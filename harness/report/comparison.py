@@ -191,7 +191,7 @@ def _reading_lines(subject: SubjectRecord) -> list[str]:
         f"  {'it says: ' if is_refused else ''}{subject.message}" if subject.message else "",
         *(f"  {sentence}" for sentence in subject.rest[: MOST_LINES if is_refused else 0]),
         *(f"  {note}" for note in subject.notes),
-        f"  {subject.left_nothing}" if subject.left_nothing else "",
+        f"  {subject.another_robot}" if subject.another_robot else "",
         *(line for lines in told for line in lines),
         f"  with {these} {error_text(subject.left)} data roundoffs are left" if readings and subject.left is not None else "",
         "  together they cancel: the answer is that of the file" if subject.cancels else "",
@@ -222,7 +222,7 @@ def rest(found: FilesComparison, whole: bool = True) -> list[str]:
     if not whole:
         return [*_unexplained(found)]
     names = names_apart(file.path for file in found.files)
-    said = {"refused": "refuses", "undecided": "is not judged on", "nothing left": "reads another robot from"}
+    said = {"refused": "refuses", "undecided": "is not judged on", "another robot": "reads another robot from"}
     silent = [one for one in found.subjects if one.explained and one.outcome in said]
     lines = [
         f"no answer: {one.subject}, {one.kind}, {said[one.outcome]} {names[one.path]}" + (f"; {one.marked}" if one.expected else "")

@@ -73,7 +73,7 @@ class SubjectRecord:
         notes: what was taken out of the file before the engine read it.
         lost_digits: at how many states, and why, the answer is beyond ``AGREEMENT`` though the engine and its readings hold the right
             numbers; "" where it is not.
-        left_nothing: why the engine's reader leaves no robot with accelerations; "" where it leaves one.
+        another_robot: why what the engine's reader makes of the file has no accelerations of it; "" where it has some.
         title: the engine's name as its authors write it.
         expected, expected_reason: the outcome that ``expected_robots.toml`` names, and why; "" where it has no entry.
     """
@@ -93,7 +93,7 @@ class SubjectRecord:
     message: str = ""
     notes: tuple[str, ...] = ()
     lost_digits: str = ""
-    left_nothing: str = ""
+    another_robot: str = ""
     expected: str = ""
     expected_reason: str = ""
     title: str = ""
@@ -132,12 +132,12 @@ class SubjectRecord:
         """The verdict in a word or two: "agrees", "lost digits", "explained", "misreads", "explained, digits lost", "refused",
         "unexplained".
 
-        "nothing left" is one of an engine whose reader drops all that moves.
+        "another robot" is one of an engine whose reader drops all that moves, or adds joints that the file does not have.
         """
         if self.verdict == Verdict.UNSUPPORTED:
             return "refused"
-        if self.left_nothing:
-            return "nothing left"
+        if self.another_robot:
+            return "another robot"
         if self.verdict in (Verdict.AGREES, Verdict.UNDECIDED, Verdict.ERROR):
             return self.verdict
         if not self.explained:
@@ -151,12 +151,12 @@ class SubjectRecord:
     @property
     def is_compared(self) -> bool:
         """True where there are accelerations that can be judged."""
-        return self.verdict not in (Verdict.UNSUPPORTED, Verdict.UNDECIDED, Verdict.ERROR) and not self.left_nothing
+        return self.verdict not in (Verdict.UNSUPPORTED, Verdict.UNDECIDED, Verdict.ERROR) and not self.another_robot
 
     @property
     def is_answered(self) -> bool:
         """True for an answer that agrees or is explained; a refusal, and what nobody can judge, is none."""
-        return self.explained and self.verdict not in (Verdict.UNSUPPORTED, Verdict.UNDECIDED) and not self.left_nothing
+        return self.explained and self.verdict not in (Verdict.UNSUPPORTED, Verdict.UNDECIDED) and not self.another_robot
 
     @property
     def as_expected(self) -> bool:
@@ -175,7 +175,7 @@ class SubjectRecord:
     @property
     def tone(self) -> str:
         """The looks of the outcome; what readings explain has its own, for the answer is not that of the file."""
-        if not self.explained or self.left_nothing:
+        if not self.explained or self.another_robot:
             return "disagrees surprise"
         if self.lost_digits and self.outcome != Verdict.MISREADS:
             return f"{Verdict.UNSTABLE} expected"

@@ -123,8 +123,11 @@ def _reason(subject: SubjectRecord, file: FileRecord) -> _Reason | None:
     program, message = subject.program, _short(subject.message or "; ".join(subject.rest))
     if subject.verdict == Verdict.UNSUPPORTED:
         return _Reason(f"{program} refuses the file: {message}{_mend(file)}")
-    if subject.left_nothing:
-        return _Reason(f"{program} reads another robot: {_short(subject.left_nothing)}")
+    if subject.another_robot:
+        # Readings of which nobody can say how much they move are those after which there is nothing to compare.
+        for reading in (one for one in subject.readings if one.size is None):
+            return _Reason(f"{program} reads another robot ({reading.sentence})", remedy=reading.remedy)
+        return _Reason(f"{program} reads another robot: {_short(subject.another_robot)}")
     if subject.verdict == Verdict.ERROR:
         return _Reason(f"{program} fails on the file: {message}{_mend(file)}")
     if subject.verdict == Verdict.UNDECIDED:
@@ -203,8 +206,7 @@ def _when_supplied(subjects: Sequence[SubjectRecord]) -> Iterator[str]:
     for one in aided:
         if one not in right and one.outcome not in ("refused", "lost digits"):
             why = explanation(one.readings) or one.message or "; ".join(one.rest)
-            outcome = "no joint is left" if one.left_nothing else one.outcome
-            yield f"{one.program}, supplied with what its reader leaves out: {outcome}{why and f' ({why})'}"
+            yield f"{one.program}, supplied with what its reader leaves out: {one.outcome}{why and f' ({why})'}"
 
 
 def _impossible(file: FileRecord, detail: Detail) -> Iterator[str]:
@@ -265,4 +267,4 @@ def _do(subjects: Sequence[SubjectRecord]) -> str:
 
 def _short(message: str) -> str:
     """A message of an engine, as much of it as a sentence bears."""
-    return message if len(message) <= MOST_LETTERS else f"{message[:MOST_LETTERS].rsplit(' ', 1)[0]} ..."
+    return message if len(message) <= MOST_LETTERS else f"{message[:MOST_LETTERS].rsplit(' ', 1)[0].rstrip(',;:')} ..."

@@ -26,7 +26,7 @@ VERSION = version("mujoco")
 UNANSWERED = {
     "refused": ((FILES / "impossible.urdf").read_text(), ["--subject", "mujoco/urdf"], "refuses the file"),
     "undecided": (MASSLESS, ["--subject", "pinocchio/mjcf"], "cannot be judged"),
-    "nothing left": (TABLE, ["--subject", "pinocchio/mjcf"], "reads another robot"),
+    "another robot": (TABLE, ["--subject", "pinocchio/mjcf"], "reads another robot"),
 }
 # Of these no engine is asked.
 UNASKED = {

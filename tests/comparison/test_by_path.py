@@ -116,7 +116,7 @@ def test_a_check_and_a_survey_of_plain_engines_come_to_one_verdict(model_format:
     different = set()
     for row in (row for row in survey["subjects"] if not row["aided"] and row["path"] in names):
         subject = f"{row['engine']}/{row['format']}"
-        said = "unsupported" if row["left_nothing"] else AS_CHECKED[row["verdict"], bool(row["lost_digits"])]
+        said = "unsupported" if row["another_robot"] else AS_CHECKED[row["verdict"], bool(row["lost_digits"])]
         if row["verdict"] in ("disagrees", "unstable") and are_misread(msgspec.convert(row["readings"], list[Effect], strict=False)):
             said = "misreads"
         on = acting.get((row["path"], subject))

@@ -111,7 +111,7 @@ def test_the_second_of_two_bodies_without_names_moves_nothing(second: str, tmp_p
     inside = body("a", HINGE, unnamed("0 0.3 1", HINGE) + unnamed("0.2 0 0", second, body("c", HINGE)))
     record = record_of(written(tmp_path, COMPILER, inside, ""), "pinocchio")
     assert record.explained and [one.name for one in record.readings] == ["bodies without names"]
-    assert record.left is None and "as it reads the file" in record.left_nothing
+    assert record.left is None and "as it reads the file" in record.another_robot
 
 
 WORLD = '<worldbody><light pos="1 0 3"/></worldbody>'
@@ -124,7 +124,7 @@ def test_further_worlds_are_the_first_one_again(further: int, tmp_path: Path) ->
     path = written(tmp_path, COMPILER, inside, WORLD * further)
     found = record_of(path, "pinocchio")
     assert found.explained and [one.name for one in found.readings] == ["further worlds"]
-    assert "it has joints that the file does not have: j1 (world 2), j2 (world 2)" in found.left_nothing
+    assert "it has joints that the file does not have: j1 (world 2), j2 (world 2)" in found.another_robot
     assert record_of(path, "mujoco").verdict == "agrees"
     (reading,) = [one for one in find_readings("pinocchio", "mjcf") if one.name == "further worlds"]
     tree, model = reading.read(read_robot(path)).tree, pinocchio.buildModelFromMJCF(path)

@@ -40,6 +40,7 @@ def subject(engine: str, title: str, verdict: str = "agrees", explained: bool = 
 
 
 MIMIC = effect("mimic joints", 0.14, sentence="MuJoCo holds a mimic joint by a soft constraint", remedy="keep it on", lines=(3,))
+WORLDS = effect("further worlds", None, sentence="its reader reads a world twice", remedy="write one")
 AGREES = subject("mujoco", "MuJoCo")
 DAMPED = subject("pinocchio", "Pinocchio", "disagrees", readings=[effect()], left=0.6, relative_error=0.71)
 MIMICS = subject("mujoco", "MuJoCo", "disagrees", readings=[MIMIC], left=3.5)
@@ -80,9 +81,13 @@ SENTENCES = {
         [subject("mujoco", "MuJoCo", "undecided", message="M is singular")],
         "no engine gives an answer that can be judged. MuJoCo cannot be judged: M is singular.",
     ),
-    "nothing left": (
-        [subject("pinocchio", "Pinocchio", "disagrees", left_nothing="it drops every joint")],
+    "another robot": (
+        [subject("pinocchio", "Pinocchio", "disagrees", another_robot="it drops every joint")],
         "no engine gives an answer that can be judged. Pinocchio reads another robot: it drops every joint.",
+    ),
+    "another robot by a reading that is known": (
+        [AGREES, subject("pinocchio", "Pinocchio", "disagrees", another_robot="it has j1 (world 2)", readings=[MIMIC, WORLDS])],
+        "MuJoCo agrees with the file to rounding. Pinocchio reads another robot (its reader reads a world twice): write one.",
     ),
     "digits lost": (
         [AGREES, subject("pinocchio", "Pinocchio", "unstable", lost_digits="at 3 of 64 states", relative_error=1e-9)],
