@@ -221,9 +221,9 @@ def _own_truth(assignment: Assignment) -> Truth:
     """The truth of the mechanism that an assignment names."""
     quantity, (basis, key) = assignment.asked, _basis(assignment)
     if not quantity.is_of_file:
-        found = quantity.truth(basis)
+        found = quantity.truth_of(basis)
         return _touching(assignment, found) if touches(assignment) and isinstance(found, AccelerationTruth) else found
-    return _SHARED.get((quantity.name, assignment.mechanism.key, *key), lambda: quantity.truth(basis))
+    return _SHARED.get((quantity.name, assignment.mechanism.key, *key), lambda: quantity.truth_of(basis))
 
 
 def _touching(assignment: Assignment, truth: AccelerationTruth) -> Truth:
@@ -340,7 +340,7 @@ def _basis(assignment: Assignment) -> tuple[TruthBasis, tuple[object, ...]]:
     inertias_about = getattr(engine, "inertias_about", "")
     basis = TruthBasis(mechanism, declared, read, in_body, soft, rules, precision, factorises, inertias_about, ties)
     texts = tuple(file and file.text for file in (declared, read))
-    return basis, (texts, in_body, tuple(laws.items()), rules)
+    return basis, (texts, in_body, tuple(laws.items()), rules, precision)
 
 
 def answers_what_is_read(assignment: Assignment, states: States) -> Flags:

@@ -199,11 +199,12 @@ def ask(assignment: Assignment, states: States, truths: Truths, before: tuple[Ar
                 comparison = replace(comparison, verdicts=np.where(wrong & read, Verdict.MISREADS.value, comparison.verdicts))
             elif read.all():
                 return Answers(failure=MISREAD, misread=True)
-        remark = declared_precision(assignment) if quantity.is_default else ""
-        if not remark and (comparison.verdicts == Verdict.DISAGREES.value).any():
+        declared, remark = declared_precision(assignment), ""
+        if (comparison.verdicts == Verdict.DISAGREES.value).any():
             remark = truth.describe(certified, states, answers[0], model)
-            remark = remark or (precision_of(truth, model, states, answers[0]) if quantity.is_asked_again else "")
-        remark = ". ".join(filter(None, [remark, of_solver]))
+            is_told = declared or not quantity.is_asked_again
+            remark = remark or ("" if is_told else precision_of(truth, model, states, answers[0]))
+        remark = ". ".join(filter(None, [declared, remark, of_solver]))
         if truth.rigid is None:
             return Answers(comparison, seconds, remark=remark, states=None if states is closed else states)
         of_rigid = truths.of(truth.rigid)

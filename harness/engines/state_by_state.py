@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -106,19 +107,49 @@ class StateByState(LoadedFile):
         except np.linalg.LinAlgError:
             return np.full(sum(len(joint.velocities) for joint in self.joints), np.nan)
 
+    @property
+    def quantities(self) -> OneByOne:
+        return OneByOne(self)
+
     def _turned_mass(self) -> Array:
         return np.asarray(self.turn @ self._mass_matrix() @ self.turn.T + np.diag(self.armature))
 
     def terms(self, q: Array, v: Array, tau: Array) -> Terms:
         """The terms of the equations that ``forward_dynamics`` solves; passive with what the harness supplies."""
-        mass, (velocity, gravity) = np.empty((*v.shape, v.shape[1])), np.empty((2, *v.shape))
-        passive = self.supplied(q, v)
+        found = self.turned_terms(q, v)
+        return replace(found, passive=found.passive + self.supplied(q, v), applied=tau.copy())
+
+    def turned_terms(self, q: Array, v: Array) -> Terms:
+        """The same over the columns of the joints found, of dampers and springs those that the engine applies and those between points."""
+        mass, (velocity, gravity, passive) = np.empty((*v.shape, v.shape[1])), np.empty((3, *v.shape))
         for state, (position, rate) in enumerate(zip(q, v, strict=True)):
-            passive[state] += self.take(position, rate)
+            passive[state] = self.take(position, rate)
             mass[state] = self._turned_mass()
             velocity[state], gravity[state], own = (self.turn @ part for part in self._parts_of_bias())
             passive[state] -= own
-        return Terms(mass, velocity, gravity, passive, tau.copy())
+        return Terms(mass, velocity, gravity, passive, np.zeros_like(v))
+
+
+class OneByOne:
+    """The terms of a user's file in such an engine as quantities, q and v over the joints found, see ``harness.engines.interface``."""
+
+    def __init__(self, loaded: StateByState) -> None:
+        self._loaded = loaded
+
+    def mass_matrix(self, q: Array) -> Array:
+        """With the rotor inertias that the harness supplies."""
+        return self._terms(q, None).mass
+
+    def gravity(self, q: Array) -> Array:
+        return self._terms(q, None).gravity
+
+    def bias(self, q: Array, v: Array) -> Array:
+        terms = self._terms(q, v)
+        return terms.velocity + terms.gravity
+
+    def _terms(self, q: Array, v: Array | None) -> Terms:
+        v = np.zeros((len(q), self._loaded.columns.nv)) if v is None else v
+        return self._loaded.turned_terms(q, v)
 
 
 class Pull(NamedTuple):

@@ -12,7 +12,7 @@ import functools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -80,6 +80,11 @@ class Certified(Rows):
     def why_undecided(self) -> Iterator[str]:
         """The reason of each state that is not certified, as far as it is known."""
         yield from ()
+
+    def for_unit_roundoff(self, unit_roundoff: float) -> Self:
+        """The same values for an answer that is computed, and whose inputs are rounded, with another unit roundoff than float64's."""
+        more = unit_roundoff / UNIT_ROUNDOFF
+        return replace(self, sensitivity=more * self.sensitivity, share=more * self.share, instability=more * self.instability)
 
     @functools.cached_property
     def size(self) -> Array:

@@ -85,17 +85,18 @@ class Reference(Certified):
                 found = f"the radius is {share:.1e} of the sensitivity at {int(self.bits[index])} bits"
                 yield f"{found}; {CERTIFIED_RADIUS:.1e} is needed{reason}"
 
-    def for_unit_roundoff(self, unit_roundoff: float) -> Reference:
-        """The same truth for an answer that is computed, and whose inputs are rounded, with another unit roundoff than float64's."""
-        more = unit_roundoff / UNIT_ROUNDOFF
-        return replace(self, sensitivity=more * self.sensitivity, share=more * self.share, instability=more * self.instability)
-
 
 def asked_at(states: States, unit_roundoff: float) -> States:
     """The states as an engine takes them that computes in float64, or else in float32."""
     if unit_roundoff == UNIT_ROUNDOFF:
         return states
-    return replace(states, **{name: getattr(states, name).astype(np.float32).astype(np.float64) for name in ("q", "v", "tau")})
+    given = ("q", "v", "tau", "control", "activation")
+    return replace(states, **{name: rounded(getattr(states, name), unit_roundoff) for name in given})
+
+
+def rounded(values: Array, unit_roundoff: float) -> Array:
+    """Numbers as an engine takes them that computes in float64, or else in float32."""
+    return values if unit_roundoff == UNIT_ROUNDOFF else values.astype(np.float32).astype(np.float64)
 
 
 def precision_in_words(unit_roundoff: float) -> str:

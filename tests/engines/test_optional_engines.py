@@ -31,6 +31,7 @@ from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.results.records import ACCELERATIONS
 from harness.results.rigid import RigidDistance
 from harness.truth.compare import compare
+from harness.truth.quantities import TruthBasis, find_quantities
 from harness.truth.quantities.accelerations import AccelerationTruth
 from harness.truth.sampling import random_sample
 from harness.verdict import AGREEMENT
@@ -55,6 +56,18 @@ class Model:
     def forward_dynamics(self, q, v, tau):
         q, tau = q.astype(np.float32), tau.astype(np.float32)
         return (tau / np.float32(6) - np.float32({gravity} / 2) * np.sin(q)).astype(np.float64)
+
+    def mass_matrix(self, q):
+        return np.full((len(q), 1, 1), np.float32(6), dtype=np.float32)
+
+    def gravity(self, q):
+        return (np.float32(3 * {gravity}) * np.sin(q.astype(np.float32))).astype(np.float64)
+
+    def bias(self, q, v):
+        return self.gravity(q)
+
+    def inverse_dynamics(self, q, v, qdd):
+        return (np.float32(6) * qdd.astype(np.float32) + self.gravity(q).astype(np.float32)).astype(np.float64)
 
 from harness.engines import Engine
 
@@ -114,12 +127,34 @@ def test_the_newest_version_has_companions_as_a_named_one_has() -> None:
 ])  # fmt: skip
 def test_float32_is_judged_in_its_own_roundoffs(gravity: str, declaration: str, verdict: str, tmp_path: Path) -> None:
     library = make_library(tmp_path / "library", ["simple_pendulum"], {"single": FLOAT32.format(gravity=gravity, declaration=declaration)})
-    asked = "--subject", "single/urdf", "--quantity", "accelerations"
+    quantities, others = [ACCELERATIONS, "bias", "gravity"], ["inverse_dynamics", "mass_matrix"]
+    asked = "--subject", "single/urdf", *(word for one in [*quantities, *others] for word in ("--quantity", one))
     options = ("--library", str(library), *asked, "--states", "100", "--workers", "1", "--json", "out.json")
     harness_in_a_process("check", "simple_pendulum", *options, cwd=tmp_path)
-    [record] = json.loads((tmp_path / "out.json").read_text())["records"]
-    assert record["verdict"] == verdict, record["message"]
-    assert ("judged in data roundoffs of 2^-24, at states rounded to float32" in record["message"]) == bool(declaration)
+    records = json.loads((tmp_path / "out.json").read_text())["records"]
+    verdicts = {one["quantity"]: one["verdict"] for one in records}
+    # Beside 100 rad/s^2 weight is little; of M nothing is rounded.
+    of_inverse = "agrees" if declaration else "disagrees"
+    assert verdicts == dict.fromkeys(quantities, verdict) | {"inverse_dynamics": of_inverse, "mass_matrix": "agrees"}, records
+    for one in records:
+        assert ("judged in data roundoffs of 2^-24, at states rounded to float32" in one["message"]) == bool(declaration)
+
+
+def test_a_truth_for_float32_is_that_of_float64_at_rounded_states() -> None:
+    """Whatever the quantity; what its answers are judged in is 2^29 times as large, and so is the share."""
+    mechanism, file = load_mechanism(BUILT_IN, "acrobot"), read_model(BUILT_IN.validated_models("acrobot")["mjcf"], "mjcf")
+    states = random_sample(mechanism, 5, 0)
+    for name in ("mass_matrix", "bias", "inverse_dynamics", "jacobian", "forward_dynamics_derivatives"):
+        single, double = (find_quantities()[name].truth_of(TruthBasis(mechanism, file, file, False, unit_roundoff=unit))
+                          for unit in (2.0**-24, UNIT_ROUNDOFF))  # fmt: skip
+        rounded = single.asked_at(states)
+        assert (rounded.q != states.q).all() and (rounded.v == rounded.v.astype(np.float32)).all()
+        there, here = single.evaluate(states), double.evaluate(rounded)
+        # Accelerations of inverse dynamics are rounded too.
+        assert (compare(there, here.high).backward_error <= 1.0).all()
+        np.testing.assert_allclose(there.data_roundoff, 2.0**29 * here.data_roundoff, rtol=1e-5)
+        np.testing.assert_allclose(there.share, 2.0**29 * here.share, rtol=1e-5)
+        assert single.key != double.key and there.certified.all()
 
 
 def test_the_truth_for_float32_is_certified_at_rounded_states() -> None:
@@ -344,6 +379,9 @@ def test_newton_feels_an_inertia_that_is_off_by_a_ten_thousandth(
     found = model.forward_dynamics(states.q, states.v, states.tau)
     errors = compare(truth.evaluate(states), found).backward_error
     assert (errors.max() > AGREEMENT) == (factor != 1.0)
+    of_mass = find_quantities()["mass_matrix"].truth_of(TruthBasis(mechanism, file, file, False, unit_roundoff=2.0**-24))
+    errors = of_mass.asked_and_judged(of_mass.evaluate(states), states, model).backward_error
+    assert (errors.max() > AGREEMENT) == (factor != 1.0)
 
 
 @pytest.mark.nightly
@@ -379,6 +417,23 @@ def test_mujoco_warp_is_as_near_rigid_contact_as_mujoco(environment: Callable[[s
     refused = fine_distances("mujoco_warp", ["sphere on an incline"], cache, monkeypatch)
     assert {(one.found, one.is_refused) for one in refused.values()} == {(None, True)}
     assert {one.reason for one in refused.values()} == {"MuJoCo Warp is asked for 2,000 steps at most on a CPU, and this motion has 5,000"}
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("name", "quantities"), [
+    ("newton", ("mass_matrix", "gravity", "bias")),
+    ("mujoco_warp", ("mass_matrix", "gravity", "bias", "inverse_dynamics")),
+    ("mjx_float32", ("mass_matrix", "gravity", "bias", "inverse_dynamics", *DERIVATIVES)),
+])  # fmt: skip
+def test_further_quantities_in_float32_agree(
+    name: str, quantities: Sequence[str], environment: Callable[[str], Path], tmp_path: Path
+) -> None:
+    """A tree, a ball joint, a free body, a body that floats with a joint, a rotor, and a spring between points."""
+    systems = ["acrobot", "heavy_top", "quadrotor", "collar"]
+    systems += [] if name == "mjx_float32" else ["satellite_wheel", "puma_560", "furuta_pendulum.armature"]
+    records = check_in_its_environment(name, systems, environment(name), tmp_path, quantities)
+    answered = [one for one in records if one["subject"] == f"{name}/mjcf"]
+    assert len(answered) == len(systems) * len(quantities) and {one["verdict"] for one in answered} == {"agrees"}, answered
 
 
 @pytest.mark.nightly

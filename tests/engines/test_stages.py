@@ -14,12 +14,16 @@ from stages import random_stage
 
 from harness.comparison.judgement import judge
 from harness.comparison.robot_library import ask_engine
+from harness.engines import load_engine
 from harness.engines.adapters.physx.anchors import write_anchored
 from harness.explain.meant import columns_of, for_engine, meant, question_of, read_as, request_of
 from harness.files.joint_kinds import JointKind
-from harness.library import Stance
+from harness.library import Library, Stance
 from harness.results.comparison import SubjectRecord
+from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import Robot, read_robot
+from harness.truth.quantities import TruthBasis, find_quantities
+from harness.truth.sampling import random_sample
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "docs" / "examples").glob("*.usda"))
 SINGLE_PRECISION = 2.0**-24
@@ -110,6 +114,24 @@ def test_an_inertia_that_is_off_by_a_ten_thousandth_is_felt(engine: str, factor:
     other.write_text(text.replace("0.01, 0.06, 0.06", f"0.01, {0.06 * factor!r}, 0.06"))
     record = judged(engine, robot, other, 400)
     assert (record.verdict == "agrees") == (factor == 1.0), record.backward_error
+
+
+@pytest.mark.nightly
+@BOTH
+@pytest.mark.parametrize("factor", [1.0, 1.0001])
+def test_the_mass_matrix_and_forces_of_a_stage_are_judged(engine: str, factor: float, tmp_path: Path) -> None:
+    """In float32; of a stage of which a mass is off by a ten-thousandth, all are red."""
+    text = EXAMPLES[0].with_name("joints-to-the-world.usda").read_text()
+    assert "physics:mass = 2;" in text
+    robot = read_robot(written(tmp_path, text))
+    mechanism = mechanism_of(robot)
+    states = random_sample(mechanism, 200, 0)
+    other = read_robot(written(tmp_path, text.replace("physics:mass = 2;", f"physics:mass = {2 * factor!r};")))
+    model = load_engine(Library.built_in(), engine).load(request_of(other, Stance.AIDED), robot.joints, 0.0)
+    for name in ("mass_matrix", "gravity", "bias"):
+        truth = find_quantities()[name].truth_of(TruthBasis(mechanism, None, None, False, unit_roundoff=SINGLE_PRECISION))
+        found = truth.asked_and_judged(truth.evaluate(states), states, model)
+        assert found.are_all("agrees") == (factor == 1.0), (name, found)
 
 
 @pytest.mark.nightly

@@ -26,6 +26,7 @@ from harness.trees.quantities.motion import have_same_points
 from harness.trees.robot import Robot, robot_of
 from harness.trees.rows import untied
 from harness.truth.compare import Certified, Comparison, compare, farthest_block
+from harness.truth.reference import asked_at
 
 # Share of the states at which a declared truth is asked elsewhere.
 ASKED_ELSEWHERE = 0.5
@@ -99,10 +100,12 @@ class Truth(ABC):
     Attributes:
         blocks: the name of each block, as a report says it; none for a quantity of one block that needs no other name.
         rigid: the truth that answers are compared with too, for how far they are from it; None for most.
+        unit_roundoff: of the answers that it judges.
     """
 
     blocks: Sequence[str]
     rigid: Truth | None = None
+    unit_roundoff: float = UNIT_ROUNDOFF
 
     @property
     @abstractmethod
@@ -164,14 +167,54 @@ class Truth(ABC):
         return f"Farthest off is the {self.blocks[farthest_block(certified, answers)]}"
 
 
+class RoundedTruth(Truth):
+    """A truth for an engine that computes in float32: at states rounded to it, in data roundoffs of ``unit_roundoff``.
+
+    What the engine takes of a file it rounds too, which is one unit roundoff of each number, as of each number of a state.
+    """
+
+    def __init__(self, exact: Truth, unit_roundoff: float) -> None:
+        self._exact, self.unit_roundoff, self.blocks = exact, unit_roundoff, exact.blocks
+
+    @property
+    def key(self) -> Hashable:
+        """See ``Truth``."""
+        return self._exact.key, self.unit_roundoff
+
+    @property
+    def is_compiled(self) -> bool:
+        """See ``Truth``."""
+        return self._exact.is_compiled
+
+    def asked_at(self, states: States, share: float = ASKED_ELSEWHERE) -> States:
+        """See ``Truth``."""
+        return asked_at(self._exact.asked_at(states, share), self.unit_roundoff)
+
+    def evaluate(self, states: States) -> Certified:
+        """See ``Truth``."""
+        return self._exact.evaluate(asked_at(states, self.unit_roundoff)).for_unit_roundoff(self.unit_roundoff)
+
+    def asks(self, model: Model, states: States) -> Calls:
+        """See ``Truth``."""
+        return self._exact.asks(model, asked_at(states, self.unit_roundoff))
+
+    def judge(self, certified: Certified, states: States, answers: Array, model: Model) -> Comparison:
+        """See ``Truth``."""
+        return self._exact.judge(certified, asked_at(states, self.unit_roundoff), answers, model)
+
+    def describe(self, certified: Certified, states: States, answers: Array, model: Model) -> str:
+        """See ``Truth``."""
+        return self._exact.describe(certified, asked_at(states, self.unit_roundoff), answers, model)
+
+
 @dataclass(frozen=True)
 class Quantity:
     """One quantity.
 
     Attributes:
         name: for the command line and the records.
-        truth: makes its truth. It raises ``harness.errors.InvalidModel`` where the declared file is no truth, and
-            ``harness.engines.NotOffered`` where the mechanism has nothing of the kind.
+        truth: makes its truth, whose precision ``truth_of`` sees to. It raises ``harness.errors.InvalidModel`` where the declared file is
+            no truth, and ``harness.engines.NotOffered`` where the mechanism has nothing of the kind.
         is_of_file: whether the truth takes the numbers of a declared model file.
         has_laws, has_step_rules: whether it asks the engine that reads the file for its laws of constraints, or its rules of steps.
         is_default: whether it is the one that is meant where none is named, which every engine claims to compute.
@@ -191,6 +234,11 @@ class Quantity:
     takes_all: bool = False
     is_asked_again: bool = False
     group: str = ""
+
+    def truth_of(self, basis: TruthBasis) -> Truth:
+        """The truth for the engine of a basis, in the precision in which that computes; raises as ``truth``."""
+        found = self.truth(basis)
+        return found if found.unit_roundoff == basis.unit_roundoff else RoundedTruth(found, basis.unit_roundoff)
 
 
 @functools.cache

@@ -34,7 +34,7 @@ from harness.trees.quantities.motion import Block, TreeMotion, computed, tree_mo
 from harness.truth.blocks import Between, QuantityKernel, inputs_of
 from harness.truth.compare import Certified, compare
 from harness.truth.quantities import Quantity, Truth, TruthBasis
-from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.reference import Reference, ReferenceKernel, rounded
 from harness.truth.terms import GRAVITY as GRAVITY_TERMS
 from harness.truth.terms import MASS, certify_terms, term_errors
 from harness.truth.terms import VELOCITY as VELOCITY_TERMS
@@ -111,7 +111,8 @@ class FileTruth(TruthOfMotion):
     def _accelerations(self, states: States) -> Array:
         """Those that applied forces would give each coordinate alone, about."""
         largest = np.array([max(map(abs, bounds)) for bounds in self._basis.mechanism.force_ranges])
-        return np.where(largest > 0, LARGEST_ACCELERATION * states.tau / np.where(largest > 0, largest, 1.0), 0.0)
+        found = np.where(largest > 0, LARGEST_ACCELERATION * states.tau / np.where(largest > 0, largest, 1.0), 0.0)
+        return rounded(found, self._basis.unit_roundoff)
 
     def _hold_against_energies(self, states: States) -> None:
         mechanisms, in_body = (self._basis.mechanism, mechanism_of(self._robot)), self._basis.linear_velocity_in_body

@@ -24,7 +24,7 @@ import numpy as np
 from mujoco import mjx
 
 from harness.arrays import Array
-from harness.engines import HeldModel, LoadedModel, NotOffered, Unsupported
+from harness.engines import HeldModel, LoadedModel, Unsupported
 from harness.engines.adapters.mujoco import robot
 from harness.engines.adapters.mujoco.acting import actuators_of, placed_controls, refuse_in_float32, rub_and_limit_alone
 from harness.engines.adapters.mujoco.model import MujocoModel
@@ -49,6 +49,14 @@ def _forward(model: Any, empty: Any, q: Any, v: Any, tau: Any) -> Any:
 def _driven(model: Any, empty: Any, q: Any, v: Any, tau: Any, *driving: Any) -> Any:
     control, activation = driving
     return mjx.forward(model, empty.replace(qpos=q, qvel=v, qfrc_applied=tau, ctrl=control, act=activation)).qacc
+
+
+def _mass_matrix(model: Any, empty: Any, q: Any) -> Any:
+    return mjx.full_m(model, mjx.forward(model, empty.replace(qpos=q)))
+
+
+def _bias(model: Any, empty: Any, q: Any, v: Any) -> Any:
+    return mjx.forward(model, empty.replace(qpos=q, qvel=v)).qfrc_bias
 
 
 def _inverse(model: Any, empty: Any, q: Any, v: Any, qdd: Any) -> Any:
@@ -131,7 +139,7 @@ class MjxModel:
     """An ``MjModel`` that the file compiles to, and the same on the device."""
 
     def __init__(self, model: Any, joints: Sequence[str], in_float64: bool, driven: Sequence[int] = ()) -> None:
-        self._in_float64, self.takes_driving = in_float64, bool(driven)
+        self.takes_driving = bool(driven)
         self._compiled, self._on_device = MujocoModel(model, joints, driven=driven), OnDevice(model, in_float64)
 
     def loaded(self) -> LoadedModel:
@@ -150,16 +158,32 @@ class MjxModel:
         return self._on_device.accelerations(*self._compiled.own(q, v, tau), *given)[:, self._compiled.addresses[1]]
 
     def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array) -> Array:
-        """See ``harness.engines.interface``; raises NotOffered in float32."""
+        """See ``harness.engines.interface``."""
         return self._matrices(_FORWARD_DERIVATIVES, q, v, tau)
 
     def inverse_dynamics_derivatives(self, q: Array, v: Array, qdd: Array) -> Array:
-        """See ``harness.engines.interface``; raises NotOffered in float32."""
+        """See ``harness.engines.interface``."""
         return self._matrices(_INVERSE_DERIVATIVES, q, v, qdd)
 
+    def mass_matrix(self, q: Array) -> Array:
+        """``mjx.full_m``."""
+        velocities = self._compiled.addresses[1]
+        found = self._on_device.evaluate(_mass_matrix, *self._compiled.own(q))
+        return np.ascontiguousarray(found[:, velocities][:, :, velocities])
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """``qfrc_bias``."""
+        return self._on_device.evaluate(_bias, *self._compiled.own(q, v))[:, self._compiled.addresses[1]]
+
+    def gravity(self, q: Array) -> Array:
+        """``qfrc_bias`` at rest."""
+        return self.bias(q, np.zeros((len(q), len(self._compiled.addresses[1]))))
+
+    def inverse_dynamics(self, q: Array, v: Array, qdd: Array) -> Array:
+        """``mjx.inverse``."""
+        return self._on_device.evaluate(_inverse, *self._compiled.own(q, v, qdd))[:, self._compiled.addresses[1]]
+
     def _matrices(self, of_a_state: Callable[..., Any], q: Array, v: Array, third: Array) -> Array:
-        if not self._in_float64:
-            raise NotOffered("derivatives are certified at states of float64, which float32 rounds")
         velocities = self._compiled.addresses[1]
         found = self._on_device.evaluate(of_a_state, *self._compiled.own(q, v, third))
         return np.ascontiguousarray(found[:, :, velocities][:, :, :, velocities])

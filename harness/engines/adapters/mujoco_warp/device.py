@@ -7,7 +7,7 @@ of a model and are kept in the harness's cache; on a terminal Warp says which it
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -19,10 +19,13 @@ from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Unsupported
 from harness.engines.adapters.mujoco.acting import refuse_in_float32, rub_and_limit_alone
 from harness.engines.adapters.mujoco.model import MujocoModel
+from harness.engines.adapters.mujoco.versions import fill_mass_matrix
 from harness.files.model_file import ModelFile
 from harness.storage import cache_directory
 
 BLOCK = 64
+# Of ``Data``, all that a state has.
+GIVEN = ("qvel", "qfrc_applied", "qacc")
 
 
 class WarpModel:
@@ -45,18 +48,46 @@ class WarpModel:
         return self._compiled.held(positions, steps)
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
-        given, answers = self._compiled.own(q, v, tau), []
-        for start in range(0, len(q), BLOCK):
-            block = [values[start : start + BLOCK] for values in given]
-            count = len(block[0])
-            # A block that is not full repeats its first state, as zeros are no quaternion.
-            full = [np.concatenate([values, np.repeat(values[:1], BLOCK - count, axis=0)]).astype(np.float32) for values in block]
+        return self._answers(mujoco_warp.forward, "qacc", qpos=q, qvel=v, qfrc_applied=tau)[:, self._compiled.addresses[1]]
+
+    def mass_matrix(self, q: Array) -> Array:
+        """``Data.M``."""
+        model, velocities = self._compiled.model, self._compiled.addresses[1]
+        found, data = np.empty((len(q), model.nv, model.nv)), mujoco.MjData(model)
+        for state, own in enumerate(self._answers(mujoco_warp.forward, "M", qpos=q)):
+            data.M[:] = own
+            fill_mass_matrix(model, data, found[state])
+        return np.ascontiguousarray(found[:, velocities][:, :, velocities])
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """``Data.qfrc_bias``."""
+        return self._answers(mujoco_warp.forward, "qfrc_bias", qpos=q, qvel=v)[:, self._compiled.addresses[1]]
+
+    def gravity(self, q: Array) -> Array:
+        """``Data.qfrc_bias`` at rest."""
+        return self.bias(q, np.zeros((len(q), len(self._compiled.addresses[1]))))
+
+    def inverse_dynamics(self, q: Array, v: Array, qdd: Array) -> Array:
+        """``mujoco_warp.inverse``."""
+        return self._answers(mujoco_warp.inverse, "qfrc_inverse", qpos=q, qvel=v, qacc=qdd)[:, self._compiled.addresses[1]]
+
+    def _answers(self, compute: Callable[..., None], found: str, **given: Array) -> Array:
+        """An array of ``Data`` at each state, (n, its width), by a function of Warp; what is not given of ``GIVEN`` is zero."""
+        own = dict(zip(given, self._compiled.own(*given.values()), strict=True))
+        answers, states = [], len(own["qpos"])
+        for start in range(0, states, BLOCK):
+            block = {name: values[start : start + BLOCK] for name, values in own.items()}
+            count = len(block["qpos"])
             with warp.ScopedDevice("cpu"):
-                for own, values in zip((self._data.qpos, self._data.qvel, self._data.qfrc_applied), full, strict=True):
-                    own.assign(values)
-                mujoco_warp.forward(self._model, self._data)
-                answers.append(self._data.qacc.numpy().astype(np.float64)[:count])
-        return np.concatenate(answers)[:, self._compiled.addresses[1]]
+                for name in GIVEN:
+                    getattr(self._data, name).zero_()
+                for name, values in block.items():
+                    # A block that is not full repeats its first state, as zeros are no quaternion.
+                    full = np.concatenate([values, np.repeat(values[:1], BLOCK - count, axis=0)])
+                    getattr(self._data, name).assign(full.astype(np.float32))
+                compute(self._model, self._data)
+                answers.append(getattr(self._data, found).numpy().astype(np.float64)[:count])
+        return np.concatenate(answers)
 
 
 def keep_compiled() -> None:

@@ -20,9 +20,9 @@ import numpy as np
 import warp
 
 from harness.arrays import Array
+from harness.engines.adapters.newton.quantities import BLOCK, NewtonQuantities, filled
 from harness.engines.coordinates import BALL, FREE, cross_matrix, multiplied, rotation, rotations
 from harness.engines.interface import LoadedModel, Unsupported
-from harness.engines.loaded_file import LoadedFile
 from harness.engines.reading import elements_of, text_of, without_shapes
 from harness.engines.request import AskedJoint, Refused, Request
 from harness.engines.state_by_state import pull_of
@@ -32,13 +32,12 @@ from harness.storage import cache_directory
 
 # By the number of a joint of Newton, the joints of the request that it is made of.
 Joined = Mapping[int, Sequence[AskedJoint]]
-BLOCK = 64
 _INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
 # Length of a step [s], on which no acceleration depends.
 _STEP = 1e-3
 
 
-class NewtonFile(LoadedFile):
+class NewtonFile(NewtonQuantities):
     """A model of ``BLOCK`` equal worlds, with its solver.
 
     Attributes:
@@ -114,11 +113,11 @@ class NewtonFile(LoadedFile):
         """Accelerations of the joints found, (n, their velocities), at n states of at most ``BLOCK``."""
         positions, velocities, forces = self._own(q, v, tau)
         with warp.ScopedDevice("cpu"):
-            self._state.joint_q.assign(_filled(positions))
-            self._state.joint_qd.assign(_filled(velocities))
+            self._state.joint_q.assign(filled(positions))
+            self._state.joint_qd.assign(filled(velocities))
             if self.aid.springs:
                 forces = forces + self._pulls(velocities)
-            self._control.joint_f.assign(_filled(forces))
+            self._control.joint_f.assign(filled(forces))
             self._solver.step(self._state, self._next, self._control, None, _STEP)
             found = self._solver.joint_qdd.numpy().reshape(BLOCK, -1)[: len(q)].astype(float)
         return np.hstack([np.empty((len(q), 0)), *(self._in_file(joint, positions, velocities, found) for joint in self.found)])
@@ -144,6 +143,14 @@ class NewtonFile(LoadedFile):
                 own_v, own_tau = np.hstack([linear, turning]), np.hstack([force, moment])
             positions[:, at : at + nq], velocities[:, start : start + nv], forces[:, start : start + nv] = own_q, own_v, own_tau
         return positions, velocities, forces
+
+    def _drift(self, positions: Array, velocities: Array) -> Array:
+        found = np.zeros_like(velocities)
+        for joint in (joint for joint in self.found if joint.kind.sizes == FREE):
+            at, start = self.starts[joint.name]
+            turn, turning = rotations(positions[:, at : at + 7][:, [-1, -4, -3, -2]]), velocities[:, start + 3 : start + 6]
+            found[:, start : start + 3] = np.cross(turning, np.cross(turning, turn @ self._centres[self._carried[joint.name]]))
+        return found
 
     def _in_file(self, joint: AskedJoint, positions: Array, velocities: Array, found: Array) -> Array:
         """(n, velocities of a joint) accelerations as the request has them."""
@@ -207,12 +214,6 @@ def _references(model: Any, starts: Mapping[str, tuple[int, int]], request: Requ
         return {}
     values = given.numpy().astype(float)
     return {joint.name: values[starts[joint.name][1]] for joint in request.joints if joint.name in starts and joint.kind.is_single}
-
-
-def _filled(values: Array) -> Any:
-    """Numbers of all worlds in a row, in float32; worlds without a state have the first, as zeros are no quaternion."""
-    full = np.concatenate([values, np.repeat(values[:1], BLOCK - len(values), axis=0)])
-    return np.asarray(full.astype(np.float32).ravel())
 
 
 def _sanitized(name: str, request: Request) -> str:
