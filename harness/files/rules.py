@@ -4,7 +4,8 @@ Accelerations under a ``ConstraintLaw`` are those of (M + J' D J) qdd = f + J' D
 J = dr/dq and
 
 - D_i = 1 / R_i, R_i = max((1 - d) / d A_i, ``least_regularisation``);
-- aref = -b J v - k d r, and minus J' v (the derivative of J, times v) where ``has_curvature``;
+- aref = -b J v - k d r, and minus J' v (the derivative of J, times v) where ``has_curvature``; with ``in_body`` plus J (w x v), see
+  ``harness.trees.turning``;
 - d, the impedance at |r|, the norm over all rows of the constraint.
 
 A row whose force has a ``force_range`` gives D (aref - J qdd) within it, and its bound beyond: dry friction within its bound on both
@@ -130,7 +131,8 @@ class ConstraintLaw:
     Attributes:
         impedance: d. stiffness: k [1/s^2]. damping: b [1/s].
         weights: for each row the parts whose sum is A_i, an empty sum being 0; None where A_i is the diagonal of J M^-1 J' at the state.
-        has_curvature: whether aref takes account of the change of J along the motion.
+        has_curvature: whether aref takes account of the change of J along the motion. in_body: whether it is of a step in which linear
+            velocities of free and planar joints are components along the axes of their bodies, which turn.
         least_regularisation: least R_i.
         force_range: the least and the largest force of each row [N or N m].
         is_contact: whether it is of a point in which bodies touch, whose impedance is that of its first row.
@@ -150,6 +152,7 @@ class ConstraintLaw:
     cone: FrictionCone | None = None
     stiffness_ahead: float | None = None
     of_step: StepRegularisation | None = None
+    in_body: bool = False
 
     @property
     def pushes_alone(self) -> bool:

@@ -198,9 +198,9 @@ class DeclaredMechanism(Mechanism):
         for name, law in self.laws:
             rows = self._rows[name]
             first = residuals[:, rows[0]]
+            if law.stiffness_ahead is not None:
+                found[first >= 0, columns[number_of(name, STIFFNESS)]] = law.stiffness_ahead
             if law.is_rigid:
-                if law.stiffness_ahead is not None:
-                    found[first >= 0, columns[number_of(name, STIFFNESS)]] = law.stiffness_ahead
                 continue
             [acting] = np.nonzero(first < 0) if law.pushes_alone else (np.arange(len(found)),)
             # The distance of a contact is in each of its edges.
@@ -314,7 +314,7 @@ def _softness(name: str, law: ConstraintLaw, count: int, weights: Mapping[Invers
         if len(own) != count and len(set(own)) > 1:
             raise ValueError(f"constraint {name!r} has {len(own)} rows of different weight; expected {count} rows")
         inverse_masses = tuple(own if len(own) == count else [own[0]] * count)
-    plain = Softness(impedance, law.stiffness, law.damping, inverse_masses, law.has_curvature, law.force_range)
+    plain = Softness(impedance, law.stiffness, law.damping, inverse_masses, law.has_curvature or law.in_body, law.force_range)
     if law.of_step is not None:
         plain = replace(plain, near_rigid=law.of_step.near_rigid, least=law.of_step.least, regularised=law.of_step.sliding)
     if law.is_rigid:

@@ -56,6 +56,11 @@ def optimum(
 
         written = in_metric(robot.tree, robot.joints, of_step.length)
     tied = tied_tree(robot.tree, robot.joints, rows, written=written)
+    if any(laws[one.name].in_body for one in acting):
+        # Most laws are of velocities in the frame of the parent.
+        from harness.trees.turning import turning_with_bodies
+
+        tied = replace(tied, constraints=turning_with_bodies(tied.constraints, robot))
     weights = inverse_weights_of(
         mechanism.robot.tree,
         (part for one in acting for row in laws[one.name].weights or () for part in row),

@@ -1,4 +1,4 @@
-"""Pinocchio with dry friction and limits of joints over one step, by its alternating direction method of multipliers.
+"""Pinocchio over one step with dry friction, limits and contacts, by its alternating direction method of multipliers.
 
 See ``harness.engines.adapters.pinocchio.stepping``.
 """

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.engines import ConstraintLaw, Unsupported
 from harness.engines.adapters.pinocchio import PinocchioEngine
-from harness.engines.adapters.pinocchio.step_law import EXACT, ITERATIONS, laws
+from harness.engines.adapters.pinocchio.step_law import COMPLIANCE, EXACT, EXACT_WITH_CONES, ITERATIONS, contacts, laws
 from harness.engines.interface import CompiledNumber
 from harness.engines.request import Ending, Request, SolverSettings
 from harness.files.equalities import Constraint
@@ -19,34 +19,40 @@ if TYPE_CHECKING:
     from harness.engines.adapters.pinocchio.robot import PinocchioFile
 
 
+_REMEDY = (
+    f"use pin.{EXACT}ConstraintSolver with the four tolerances of its settings at 0 and max_iterations = {ITERATIONS}, "
+    "and solve again from the impulses that it finds until they stay"
+)
+_WITH_CONES = f"; where bodies touch, pin.{EXACT_WITH_CONES}ConstraintSolver so, with admm_update_rule = pin.ADMMUpdateRule.CONSTANT"
+
+
 class PinocchioStepper(PinocchioEngine):
-    """Pinocchio with dry friction and limits of joints over one step, by one of its constraint solvers: "ADMM" or "PGS"."""
+    """Pinocchio over one step with dry friction and limits of joints, and with contacts in points, by "ADMM", or without, by "PGS"."""
 
     is_asked_by_name = True
-    endings = (
-        Ending(
-            SolverSettings(EXACT, ITERATIONS, 0.0),
-            f"use pin.{EXACT}ConstraintSolver with the four tolerances of its settings at 0 and max_iterations = {ITERATIONS}, "
-            "and solve again from the impulses that it finds until they stay",
-        ),
-    )
     reader = "pinocchio"
     formats = ("urdf",)
     oldest: Mapping[str, str] = {"urdf": "4.1.0"}
     factorises_mass_matrix = True
     why_off: Mapping[str, str] = {
-        EQUALITIES: "the harness asks Pinocchio's constraint solvers about dry friction and limits alone",
+        EQUALITIES: "the harness asks Pinocchio's constraint solvers about dry friction, limits and contacts alone",
         TENDON_LIMITS: "Pinocchio knows no tendons",
     }
 
     def __init__(self, solver: str) -> None:
         self._solver = solver
+        # PGS does not heed what makes the problem of contacts convex.
+        touches = solver == EXACT_WITH_CONES
+        self.contacts = contacts if touches else None
+        self.endings = (Ending(SolverSettings(EXACT, ITERATIONS, 0.0), _REMEDY + _WITH_CONES * touches),)
         self.title = f"Pinocchio by {solver}"
         settings = f"pin.{solver}SolverSettings"
+        with_contacts = f"s.solve_ncp = False; delassus.updateCompliance(R) with R = {COMPLIANCE!r} where bodies touch; " * touches
         self.call = {
             "urdf": (
                 "m = pin.buildModelFromUrdf(PATH); d = m.createData(); c = pin.JointFrictionConstraintModel(m, joints); c.setTimeStep(h); "
-                f"pin.{solver}ConstraintSolver().solve(delassus, J @ (v + h * pin.aba(m, d, q, v, tau)), cs, cds, {settings}(), x); "
+                f"s = {settings}(); {with_contacts}"
+                f"pin.{solver}ConstraintSolver().solve(delassus, J @ (v + h * pin.aba(m, d, q, v, tau)), cs, cds, s, x); "
                 "pin.aba(m, d, q, v, tau + J.T @ x.retrieveConstraintImpulses() / h)"
             )
         }

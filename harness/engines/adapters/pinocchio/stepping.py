@@ -1,10 +1,12 @@
-"""Accelerations over one step under dry friction and limits of joints, by one of Pinocchio's constraint solvers.
+"""Accelerations over one step under dry friction and limits of joints, and contacts in points, by one of Pinocchio's constraint solvers.
 
 The problem is put together as Pinocchio's own example does: G x + g of the Delassus operator and of g = J v_free, the velocity that rows
 have after the step without impulses x, and besides the distance to a limit over the step; where a limit is passed, Kp of that, which is 0
-by default. Bounds of friction are forces, which the constraint model makes impulses by its time step: it is 1 s unless it is set.
+by default. Bounds of friction are forces, which the constraint model makes impulses by its time step: it is 1 s unless it is set. Where
+bodies touch, all rows have one compliance.
 
-Source: Pinocchio 4.1, examples/g1-constraint-simulation.py; constraints/joint-friction-constraint.hxx, setTimeStep.
+Source: Pinocchio 4.1, examples/g1-constraint-simulation.py; constraints/joint-friction-constraint.hxx, setTimeStep;
+algorithm/delassus-operator-dense.hxx, updateCompliance.
 """
 
 from __future__ import annotations
@@ -17,10 +19,16 @@ import pinocchio
 
 from harness.arrays import Array
 from harness.engines.adapters.pinocchio.robot import PinocchioFile, model_of
-from harness.engines.adapters.pinocchio.step_law import STEP
+from harness.engines.adapters.pinocchio.step_law import COMPLIANCE, EXACT_WITH_CONES, STEP
+from harness.engines.adapters.pinocchio.touching import TouchingShapes
 from harness.engines.adapters.pinocchio.versions import require
-from harness.engines.request import Request, SolverSettings
+from harness.engines.coordinates import body_turn, of_linear
+from harness.engines.request import Refused, Request, SolverSettings
+from harness.files.contacts import FoundContact
+from harness.files.joint_kinds import JointKind
 
+# Truth values.
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
 _PARTS = ("ConstraintSolver", "SolverResult", "SolverSettings")
 _TOLERANCES = tuple(f"{kind}_{what}_tol" for kind in ("absolute", "relative") for what in ("feasibility", "complementarity"))
 
@@ -32,77 +40,193 @@ def read(request: Request, solver: str) -> SteppedFile:
 
 
 class SteppedFile(PinocchioFile):
-    """A ``pinocchio.Model`` whose dry friction and limits act over one step."""
+    """A ``pinocchio.Model`` whose dry friction, limits and contacts act over one step; ``contacts`` are of the states asked last."""
 
     def __init__(self, model: Any, request: Request, solver: str) -> None:
         super().__init__(model, request)
-        self._solver = solver
+        held = request.held
+        self._step: Step | None = None
+        if held is not None and (held.rubbing or held.limited or held.touches):
+            shapes = TouchingShapes(model, request) if held.touches else None
+            self._step = Step(model, self._numbers(held.rubbing), self._numbers(held.limited), solver, held.solver, shapes)
 
     def accelerating(self) -> Callable[..., Array]:
-        held = self.request.held
-        if held is None or not (held.rubbing or held.limited):
-            return super().accelerating()
-        return _Step(self.model, self._numbers(held.rubbing), self._numbers(held.limited), self._solver, held.solver).accelerations
+        return super().accelerating() if self._step is None else self._step.accelerations
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
+        """See ``LoadedFile``."""
+        found = super().forward_dynamics(q, v, tau)
+        if self._step is not None and self._step.shapes is not None:
+            # Others than those of the last call are of nobody.
+            self.contacts, self._step.found = self._step.found[-len(q) :], []
+        return found
+
+    def settled(self, v: Array, steps: Sequence[int]) -> tuple[Array, Array]:
+        """See ``LoadedFile``."""
+        if kinds := {str(joint.kind) for joint in self.found if not joint.kind.is_single and joint.kind != JointKind.FREE}:
+            raise Refused(f"the harness lets it take no steps with a {min(kinds)} joint")
+        assert self._step is not None
+        start = np.zeros((1, sum(len(joint.positions) for joint in self.request.joints)))
+        free = [joint for joint in self.found if joint.kind == JointKind.FREE]
+        for joint in free:
+            start[0, joint.positions[3]] = 1.0
+        q, own_v = np.tile(start, (len(v), 1)), v.copy()
+        configuration = self.placed.columns(start[:, self.q_columns], *np.zeros((2, 1, len(self.v_columns))))[0][:, 0]
+        for state, count in enumerate(steps):
+            rates = self.placed.columns(start[:, self.q_columns], *np.tile(v[state, self.v_columns], (2, 1, 1)))[1][:, 0]
+            self._put(*self._step.taken(configuration, rates, count), q[state], own_v[state])
+        self._step.found = []
+        for joint in free:
+            columns = list(joint.velocities)
+            turn = body_turn(joint.kind, q[:, list(joint.positions)])
+            own_v[:, columns] = of_linear(turn, own_v[:, columns])
+        return q, own_v
+
+    def _put(self, configuration: Array, rates: Array, q: Array, v: Array) -> None:
+        """Set q and v over the joints of the request, the linear velocity of a free one in its body's frame, from the model's own."""
+        places = self.placed.force_elements.places
+        for joint in self.found:
+            place = places[joint.name]
+            own = configuration[list(place.positions)]
+            if joint.kind == JointKind.FREE:
+                own = own[[0, 1, 2, 6, 3, 4, 5]]
+            elif place.nq > 1:
+                own = np.arctan2(own[1:], own[:1])
+            q[list(joint.positions)], v[list(joint.velocities)] = own, rates[list(place.velocities)]
 
     def _numbers(self, owners: Collection[str]) -> list[int]:
         """Numbers of the joints called "joint NAME" in the model, in its order."""
         return sorted(self.model.getJointId(owner.removeprefix("joint ")) for owner in owners)
 
 
-class _Step:
-    """The constraint models of a model, and their solver."""
+class Step:
+    """The constraint models of a model, and their solver.
 
-    def __init__(self, model: Any, rubbing: Sequence[int], limited: Sequence[int], solver: str, set_by: SolverSettings | None) -> None:
-        self._model, self._limited, self._most = model, bool(limited), (set_by and set_by.iterations) or 0
-        self._models, self._data = pinocchio.StdVec_ConstraintModel(), pinocchio.StdVec_ConstraintData()
-        if limited:
-            bounds = model.lowerPositionLimit, model.upperPositionLimit
-            self._limits = pinocchio.JointLimitConstraintModel(model, list(limited), *bounds)
-            self._models.append(pinocchio.ConstraintModel(self._limits))
+    Attributes:
+        shapes: that may touch; None where bodies do not act where they touch. found: the contacts of each state that was asked.
+    """
+
+    def __init__(
+        self,
+        model: Any,
+        rubbing: Sequence[int],
+        limited: Sequence[int],
+        solver: str,
+        set_by: SolverSettings | None,
+        shapes: TouchingShapes | None,
+    ) -> None:
+        self._model, self._limited = model, list(limited)
+        self._bounds = model.lowerPositionLimit, model.upperPositionLimit
+        self._columns = tuple([getattr(model.joints[number], kind) for number in limited] for kind in ("idx_q", "idx_v"))
+        self._rubbing = list[Any]()
         if rubbing:
             friction = pinocchio.JointFrictionConstraintModel(model, list(rubbing))
             friction.setTimeStep(STEP)
-            self._models.append(pinocchio.ConstraintModel(friction))
-        for one in self._models:
-            self._data.append(one.createData())
-        self._memory = model.createData()
-        method = solver if set_by is None else set_by.method
-        self._make, self._result, settings = (getattr(pinocchio, f"{method}{what}") for what in _PARTS)
-        self._settings = settings()
-        if set_by is not None and set_by.iterations is not None:
-            self._settings.max_iterations = set_by.iterations
-        if set_by is not None and set_by.tolerance is not None:
-            for tolerance in _TOLERANCES:
-                setattr(self._settings, tolerance, set_by.tolerance)
+            self._rubbing.append(pinocchio.ConstraintModel(friction))
+        every = [pinocchio.ConstraintModel(pinocchio.JointLimitConstraintModel(model, self._limited, *self._bounds))] if limited else []
+        self._of_joints = [*every, *self._rubbing]
+        self._memory, self.shapes, self.found = model.createData(), shapes, list[tuple[FoundContact, ...]]()
+        # Of those that go on to the end, one does so with cones alone.
+        self._solve = _Solver(solver if set_by is None else set_by.method, set_by)
+        self._solve_cones = self._solve if set_by is None else _Solver(EXACT_WITH_CONES, set_by)
+
+    def taken(self, q: Array, v: Array, count: int) -> tuple[Array, Array]:
+        """q and v after so many steps without applied forces."""
+        nothing = np.zeros_like(v)
+        for _ in range(count):
+            v = v + STEP * self.accelerations(q, v, nothing)
+            q = np.array(pinocchio.integrate(self._model, q, STEP * v))
+        return q, v
 
     def accelerations(self, q: Array, v: Array, tau: Array) -> Array:
         """(nv,) of ``aba`` under the impulses that the solver finds, spread over the step."""
-        model, memory, models, data = self._model, self._memory, self._models, self._data
-        free = v + STEP * pinocchio.aba(model, memory, q, v, tau)
+        touching = list(self.shapes.at(q)) if self.shapes is not None else []
+        self.found.append(tuple(one for one, _ in touching))
+        if not touching:
+            return self._held(q, v, tau, self._of_joints, bool(self._limited)) if self._of_joints else self._free(q, v, tau)
+        # Limits that are far away would cost ADMM the digits of all impulses: one is in the problem where the step passes it.
+        contacts, passed = [pinocchio.ConstraintModel(one) for _, one in touching], self._passed(q, v + STEP * self._free(q, v, tau))
+        while True:
+            limits = self._limits_of(*passed)
+            found = self._held(q, v, tau, [*limits, *self._rubbing, *contacts], bool(limits), COMPLIANCE)
+            beyond = passed | self._passed(q, v + STEP * found)
+            if np.array_equal(beyond, passed):
+                return found
+            passed = beyond
+
+    def _free(self, q: Array, v: Array, tau: Array) -> Array:
+        return np.array(pinocchio.aba(self._model, self._memory, q, v, tau))
+
+    def _passed(self, q: Array, v: Array) -> Flags:
+        """(2, limited joints) whether the lower and the upper limit are passed at the end of a step with these velocities."""
+        after = q[self._columns[0]] + STEP * v[self._columns[1]]
+        low, high = (bound[self._columns[0]] for bound in self._bounds)
+        return np.array([after < low, after > high])
+
+    def _limits_of(self, low: Flags, high: Flags) -> list[Any]:
+        """The constraint model of some of the limits, none of none."""
+        chosen = [number for number, *sides in zip(self._limited, low, high, strict=True) if any(sides)]
+        if not chosen:
+            return []
+        bounds = [np.full(self._model.nq, infinite) for infinite in (-np.inf, np.inf)]
+        for own, bound, is_chosen in zip(bounds, self._bounds, (low, high), strict=True):
+            columns = np.array(self._columns[0])[is_chosen]
+            own[columns] = bound[columns]
+        return [pinocchio.ConstraintModel(pinocchio.JointLimitConstraintModel(self._model, chosen, *bounds))]
+
+    def _held(self, q: Array, v: Array, tau: Array, rows: Sequence[Any], has_limits: bool, compliance: float = 0.0) -> Array:
+        """(nv,) under the constraints of some models, of which the first may be that of limits."""
+        model, memory = self._model, self._memory
+        models, data = pinocchio.StdVec_ConstraintModel(), pinocchio.StdVec_ConstraintData()
+        models.extend(rows)
+        data.extend([one.createData() for one in rows])
+        free = v + STEP * self._free(q, v, tau)
         memory.q_in, memory.v_in, memory.tau_in = q, v, tau
         pinocchio.computeJointJacobians(model, memory, q)
         for one, own in zip(models, data, strict=True):
             one.calc(model, memory, own)
         jacobian = np.array(pinocchio.getConstraintsJacobian(model, memory, models, data)).reshape(-1, model.nv)
         drift = jacobian @ free
-        if self._limited:
+        if has_limits:
             distance = np.array(data[0].extract().constraint_residual)
-            behind = self._limits.baumgarte_corrector_parameters.Kp
+            behind = models[0].extract().baumgarte_corrector_parameters.Kp
             drift[: len(distance)] += np.where(distance < 0, behind, 1.0) * distance / STEP
         upper = np.triu(pinocchio.computeMinverse(model, memory, q))
         inverse = upper + np.triu(upper, 1).T
-        impulses = self._impulses(pinocchio.DelassusOperatorDense(jacobian @ inverse @ jacobian.T), drift)
-        return np.array(pinocchio.aba(model, memory, q, v, tau + jacobian.T @ impulses / STEP))
+        delassus = pinocchio.DelassusOperatorDense(jacobian @ inverse @ jacobian.T)
+        if compliance:
+            delassus.updateCompliance(np.full(len(drift), compliance))
+        impulses = (self._solve_cones if compliance else self._solve)(delassus, drift, models, data)
+        return self._free(q, v, tau + jacobian.T @ impulses / STEP)
 
-    def _impulses(self, delassus: Any, drift: Array) -> Array:
-        """(rows,); with settings, solved for again from where the solver has ended until that changes nothing."""
+
+class _Solver:
+    """One of Pinocchio's solvers by its name, as it is set by default, or to go on to the end."""
+
+    def __init__(self, method: str, set_by: SolverSettings | None) -> None:
+        self._make, self._result, settings = (getattr(pinocchio, f"{method}{what}") for what in _PARTS)
+        self._settings, self._most = settings(), (set_by and set_by.iterations) or 0
+        # By default they are to solve what has no optimum.
+        self._settings.solve_ncp = False
+        if set_by is None:
+            return
+        if method == EXACT_WITH_CONES:
+            self._settings.admm_update_rule = pinocchio.ADMMUpdateRule.CONSTANT
+        if set_by.iterations is not None:
+            self._settings.max_iterations = set_by.iterations
+        if set_by.tolerance is not None:
+            for tolerance in _TOLERANCES:
+                setattr(self._settings, tolerance, set_by.tolerance)
+
+    def __call__(self, delassus: Any, drift: Array, models: Any, data: Any) -> Array:
+        """Impulses of all rows; to the end, solved for again from where the solver has ended until that changes nothing."""
         guess: Array | None = None
         sweeps = 0
         while True:
             result = self._result()
             if guess is not None:
                 result.setConstraintImpulseGuess(guess)
-            self._make().solve(delassus, drift, self._models, self._data, self._settings, result)
+            self._make().solve(delassus, drift, models, data, self._settings, result)
             found, sweeps = np.array(result.retrieveConstraintImpulses()), sweeps + 1 + result.iterations
             # What goes on for so long moves to and fro by the last bit.
             if sweeps > self._most or (guess is not None and np.array_equal(found, guess)):

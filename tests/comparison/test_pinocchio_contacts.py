@@ -1,0 +1,323 @@
+"""Pinocchio's contacts in points, over one step of its convex problem, are held against the cone that it documents."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import flint
+import numpy as np
+import pinocchio
+import pytest
+from catalogue import BUILT_IN
+from comparison.robots import FILES, edited
+from flint import arb, arb_mat
+from support import call_engines_here
+
+from harness.comparison.robot_library import engine_of, robot_at
+from harness.comparison.switched_on import judge_switched_on
+from harness.engines.adapters.pinocchio import step_law, stepping
+from harness.engines.adapters.pinocchio import touching as found_by
+from harness.engines.adapters.pinocchio.robot import model_of
+from harness.engines.adapters.pinocchio.step_law import COMPLIANCE, STEP
+from harness.explain import touching
+from harness.explain.documented import documented
+from harness.explain.file_case import FileCase
+from harness.explain.meant import meant, request_of
+from harness.explain.switches import switches_of
+from harness.explain.touching import Touching
+from harness.files.contacts import FoundContact
+from harness.files.equalities import Constraint
+from harness.files.rules import ConstraintLaw
+from harness.files.touching import ConeKind
+from harness.files.tree import WORLD
+from harness.library import Stance
+from harness.programs.states import States
+from harness.results.switched_on import SwitchedOnRecord, switched_on_text
+from harness.trees.robot import Robot
+from harness.truth.compare import compare
+from harness.truth.reference import Reference
+from harness.verdict import AGREEMENT
+
+ENGINE = "pinocchio_admm"
+BALL = FILES / "ball.urdf"
+MASSES, DAMPERS, INERTIA, RADIUS, GRAVITY = (0.25, 0.125, 0.5), (3.0, 0.0, 0.001), 0.004, 0.125, 9.81
+# Mechanisms of the catalogue whose bodies touch, of fixed bodies, of one another, in several points, and one that floats.
+TOUCHING = (
+    "block_on_incline",
+    "box_stack",
+    "newtons_cradle",
+    "painleve_rod",
+    "rimless_wheel",
+    "sphere_on_incline",
+    "euler_disc",
+    "tippe_top",
+)
+
+
+# The step, by a way of its own.
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The ball on the ground in one state: the documented problem in balls, every number of the law written out."""
+
+    q: Sequence[float]
+    v: Sequence[float]
+    tau: Sequence[float]
+    friction: float = 0.5
+
+    def contact(self) -> FoundContact:
+        """Halfway between both surfaces."""
+        point, frame = (self.q[0], 0.0, self.q[1] / 2), (0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+        return FoundContact((WORLD, "ball"), point, frame, self.q[1], 0.0, (self.friction, self.friction))
+
+    def answer(self) -> tuple[str, list[Any]]:
+        """What the contact does, and the accelerations over the step: the one way that fits."""
+        h, mu, compliance = arb(STEP), arb(self.friction), arb(COMPLIANCE)
+        cart, fork, ball = map(arb, MASSES)
+        matrix = [cart + fork + ball, fork + ball, arb(INERTIA)]
+        force = [arb(applied) - arb(damper) * arb(v) for applied, damper, v in zip(self.tau, DAMPERS, self.v, strict=True)]
+        force[1] -= (fork + ball) * arb(GRAVITY)
+        # Of the ball against the ground, along the normal and along x; nothing moves along y.
+        rows = [[arb(0), arb(1), arb(0)], [arb(1), arb(0), arb(self.q[1]) / 2 - (arb(self.q[1]) + arb(RADIUS))]]
+        wanted = [-sum(a * arb(v) for a, v in zip(row, self.v, strict=True)) / h for row in rows]
+        fits = []
+        for name, weights in self._ways(mu):
+            # Forces are weights / R times (wanted - J a).
+            full, right = arb_mat(3, 3), list(force)
+            for i in range(3):
+                full[i, i] += matrix[i]
+                for a, row in enumerate(rows):
+                    for b, other in enumerate(rows):
+                        own = row[i] * weights[a][b] / compliance
+                        right[i] += own * wanted[b]
+                        for j in range(3):
+                            full[i, j] += own * other[j]
+            moved = list(full.solve(arb_mat([[one] for one in right])).entries())
+            free = [one - sum(a * b for a, b in zip(row, moved, strict=True)) for one, row in zip(wanted, rows, strict=True)]
+            if self._is(name, mu, free):
+                fits.append((name, moved))
+        (found,) = fits
+        return found
+
+    def _ways(self, mu: Any) -> Iterator[tuple[str, list[list[Any]]]]:
+        """What the contact may do, with the projection on its forces."""
+        yield "parts", [[arb(0)] * 2] * 2
+        yield "sticks", [[arb(1), arb(0)], [arb(0), arb(1)]]
+        for sign in (1, -1):
+            edge = [arb(1), sign * mu]
+            yield f"slides {sign}", [[a * b / (1 + mu * mu) for b in edge] for a in edge]
+
+    def _is(self, name: str, mu: Any, free: Sequence[Any]) -> bool:
+        normal, size = free[0], abs(free[1])
+        if name == "parts":
+            return bool(mu * size < -normal)
+        if name == "sticks":
+            return bool(size < mu * normal)
+        return bool(size > mu * normal) and bool(mu * size > -normal) and bool(free[1] * int(name.split()[1]) > 0)
+
+
+def grounds(count: int = 24) -> list[Ground]:
+    """States in all zones: bodies that part, stick, and slide both ways."""
+    random, found = np.random.default_rng(7), []
+    for number in range(count):
+        q = [float(random.uniform(-0.25, 0.25)), -float(10 ** random.uniform(-4, -2)), float(random.uniform(-3, 3))]
+        spin = float(random.uniform(-8, 8))
+        slip = float(random.uniform(-1, 1)) * (0.0, 1e-3, 1.0, 8.0)[number % 4]
+        rise = float(random.uniform(-0.02, 0.02)) * (1 + 200 * (number % 5 == 0))
+        found.append(Ground(q, [spin * (RADIUS + q[1] / 2) + slip, rise, spin], random.uniform(-1, 1, 3).tolist()))
+    return found
+
+
+def truth_of(robot: Robot, chosen: Sequence[Ground]) -> Reference:
+    engine = engine_of(ENGINE)
+    on = [one for one in switches_of(robot, robot, engine) if one.group.what == "contacts"]
+    states = States.at(*(np.array([getattr(one, name) for one in chosen]) for name in ("q", "v", "tau")))
+    found = Touching.of([[one.contact()] for one in chosen], robot, ConeKind.ELLIPTIC)
+    return found.truth(states, lambda contacts: documented(robot, engine, on, (), contacts))
+
+
+@pytest.fixture
+def balls() -> Iterator[None]:
+    with flint.ctx.workprec(256):
+        yield
+
+
+@pytest.mark.usefixtures("balls")
+def test_the_certified_step_is_that_of_the_documented_problem() -> None:
+    chosen = grounds()
+    truth = truth_of(robot_at(BALL), chosen)
+    assert truth.certified.all()
+    ways = Counter(one.answer()[0] for one in chosen)
+    assert set(ways) == {"parts", "sticks", "slides 1", "slides -1"} and min(ways.values()) >= 2, ways
+    for state, own in enumerate(chosen):
+        pairs = zip(own.answer()[1], truth.high[state].tolist(), truth.low[state].tolist(), strict=True)
+        off = np.array([float((one - arb(high) - arb(low)).mid()) for one, high, low in pairs])
+        assert truth.lengths(np.tile(off, (len(chosen), 1)))[state] <= truth.radius[state] + 2.0**-90 * truth.sensitivity[state]
+
+
+# Faults of the law.
+
+_law, _giving, _constraints = step_law._law, step_law._giving, touching._constraints
+_ODD = 1 + 1e-8
+
+
+def _law_with(change: Callable[[ConstraintLaw], ConstraintLaw]) -> Callable[[pytest.MonkeyPatch], None]:
+    return lambda patch: patch.setattr(step_law, "_giving", lambda law: change(_giving(law)))
+
+
+def _rubbing(law: ConstraintLaw) -> ConstraintLaw:
+    assert law.cone is not None
+    return replace(law, cone=replace(law.cone, friction=tuple(_ODD * one for one in law.cone.friction)))
+
+
+def _found_as(change: Callable[[FoundContact], FoundContact]) -> Callable[[pytest.MonkeyPatch], None]:
+    def constraints(found: Sequence[FoundContact], *rest: Any) -> list[Constraint]:
+        return _constraints([change(one) for one in found], *rest)
+
+    return lambda patch: patch.setattr(touching, "_constraints", constraints)
+
+
+def _turned(one: FoundContact) -> FoundContact:
+    return replace(one, frame=(*(-x for x in one.frame[:3]), *one.frame[3:]))
+
+
+FAULTS: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
+    "friction": _law_with(_rubbing),
+    "compliance": _law_with(lambda law: replace(law, least_regularisation=_ODD * law.least_regularisation)),
+    "step": _law_with(lambda law: replace(law, damping=_ODD * law.damping)),
+    "a normal's sign": _found_as(_turned),
+    "bodies": _found_as(lambda one: replace(one, bodies=one.bodies[::-1])),
+    "point": _found_as(lambda one: replace(one, point=(*one.point[:2], one.point[2] + 1e-9))),
+    "a contact left out": lambda patch: patch.setattr(touching, "_constraints", lambda *_: []),
+}
+
+
+@pytest.mark.parametrize("name", [None, *FAULTS])
+@pytest.mark.usefixtures("balls")
+def test_a_fault_in_the_law_is_seen(name: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot, chosen = robot_at(BALL), grounds(12)
+    answers = np.array([[float(one.mid()) for one in own.answer()[1]] for own in chosen])
+    if name is not None:
+        FAULTS[name](monkeypatch)
+    assert (compare(truth_of(robot, chosen), answers, factorises=True).backward_error.max() > AGREEMENT) == (name is not None)
+
+
+def test_distance_is_felt_by_no_contact() -> None:
+    """Both points of a constraint are one."""
+    chosen = grounds(4)
+    off = Touching.of([[replace(one.contact(), distance=3 * one.q[1])] for one in chosen], robot_at(BALL), ConeKind.ELLIPTIC)
+    assert [one.says.distance for own in off.contacts for one in own] == [3 * one.q[1] for one in chosen]
+
+
+# Pinocchio itself.
+
+
+def held_by(name: str = "", states: int = 40) -> SwitchedOnRecord:
+    path = BUILT_IN.model_path(name, "urdf") if name else BALL
+    return judge_switched_on(meant(robot_at(path), states, seed=0), ENGINE)
+
+
+def test_the_solver_stops_early_and_agrees_where_it_goes_on() -> None:
+    record = held_by()
+    assert record.explained and record.to_the_end is not None and record.to_the_end <= AGREEMENT
+    assert record.backward_error is not None and record.backward_error > 1e6 and record.touching >= 15
+    assert [part.what for part in record.parts if not part.why_not].count("contacts") == 3
+    assert "stops its solver" in switched_on_text(record) and "ADMMUpdateRule.CONSTANT" in record.remedy
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=() if name == "box_stack" else pytest.mark.ci) for name in TOUCHING])
+def test_mechanisms_that_touch_are_held(name: str) -> None:
+    record = held_by(name)
+    assert record.explained and record.touching >= 8 and record.to_the_end is not None
+
+
+def test_velocities_of_a_free_joint_are_along_the_axes_of_its_body(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert held_by("tippe_top").explained
+    _law_with(lambda law: replace(law, in_body=False))(monkeypatch)
+    monkeypatch.setattr(FileCase, "left", lambda *_: ["nothing explains it"])
+    record = held_by("tippe_top")
+    assert record.verdict == "disagrees" and record.rest
+
+
+def test_gauss_seidel_has_no_contacts() -> None:
+    record = judge_switched_on(meant(robot_at(BALL), 16, seed=0), "pinocchio_pgs")
+    assert record.explained and "contacts" not in {part.what for part in record.parts}
+
+
+_Shapes = found_by.TouchingShapes
+_at, _axes, _make = _Shapes.at, found_by._axes, stepping.pinocchio.PointContactConstraintModel
+
+
+def _one_percent_more(patch: pytest.MonkeyPatch) -> None:
+    own = stepping.pinocchio.PointContactConstraintModel.setFriction
+    patch.setattr(stepping.pinocchio.PointContactConstraintModel, "setFriction", lambda model, mu: own(model, 1.01 * mu))
+
+
+def _dropped(patch: pytest.MonkeyPatch) -> None:
+    """It acts where it is told of first; the constraint of the last contact is as of no friction and no body."""
+
+    def models(shapes: Any, q: Any) -> Iterator[tuple[FoundContact, Any]]:
+        for found, model in _at(shapes, q):
+            still = _make(shapes._model, 0, 0)
+            yield found, still if found.bodies[0] == WORLD else model
+
+    patch.setattr(_Shapes, "at", models)
+
+
+def _opposite(patch: pytest.MonkeyPatch) -> None:
+    def models(shapes: Any, q: Any) -> Iterator[tuple[FoundContact, Any]]:
+        for found, model in _at(shapes, q):
+            yield _turned(found), model
+
+    patch.setattr(_Shapes, "at", models)
+
+
+def _non_convex(patch: pytest.MonkeyPatch) -> None:
+    """The settings are those of whoever does not ask for the convex problem."""
+    settings = stepping.pinocchio.ADMMSolverSettings
+
+    class Default(settings):  # type: ignore[misc,valid-type]
+        def __setattr__(self, name: str, value: Any) -> None:
+            if name != "solve_ncp":
+                super().__setattr__(name, value)
+
+    patch.setattr(stepping.pinocchio, "ADMMSolverSettings", Default)
+
+
+def _rigid(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(stepping, "COMPLIANCE", 1.01 * COMPLIANCE)
+
+
+@pytest.mark.parametrize("plant", [_one_percent_more, _dropped, _opposite, _non_convex, _rigid])
+def test_a_fault_of_the_engine_is_seen(plant: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch) -> None:
+    call_engines_here(monkeypatch)
+    plant(monkeypatch)
+    monkeypatch.setattr(FileCase, "left", lambda *_: ["nothing explains it"])
+    record = held_by()
+    assert record.verdict == "disagrees" and not record.explained and record.rest
+
+
+GROUND, SKIN = (
+    ('<link name="world">', '<link name="world"><contact><lateral_friction value="0.25"/></contact>'),
+    (
+        '<link name="ball">',
+        '<link name="ball"><contact><lateral_friction value="0.75"/></contact>',
+    ),
+)
+
+
+@pytest.mark.parametrize(("said", "friction"), [((), 0.5), ((SKIN,), 0.75), ((GROUND, SKIN), 0.1875)], ids=["nothing", "one", "both"])
+def test_friction_is_what_links_say(said: Sequence[tuple[str, str]], friction: float, tmp_path: Path) -> None:
+    """The default of Pinocchio's constraint model where nobody says any, and the product of both."""
+    asked = request_of(robot_at(edited(BALL, tmp_path, *said)), Stance.PLAIN)
+    shapes = found_by.TouchingShapes(model_of(asked), asked)
+    q = pinocchio.neutral(shapes._model)
+    q[1] = -0.01
+    [(found, model)] = shapes.at(q)
+    assert found.friction == (friction, friction) and model.getFriction() == friction
+    assert (found.bodies, found.frame[:3]) == ((WORLD, "ball"), (0.0, 0.0, 1.0)) and found.distance == pytest.approx(-0.01)
