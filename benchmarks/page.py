@@ -26,18 +26,18 @@ def page(measured: Iterable[Measured]) -> str:
     ]
     return f"""# Costs
 
-CPU seconds of a command with all of its processes, from a warm cache, measured by `python -m benchmarks commands` on a virtual machine
-({machine()}). On several cores a command takes less time than that.
+These are the CPU seconds of each command with all of its processes, from a warm cache. `python -m benchmarks commands` measured them on a
+virtual machine ({machine()}). On several cores a command takes less time than that.
 
 | command | what it stands for | CPU seconds |
 | --- | --- | --- |
 {chr(10).join(rows)}
 
 A check without names covers the whole catalogue in {shown(seconds[name_of(WHOLE)])} CPU seconds once the equations are in the cache, and
-deriving them takes about half a minute, once. `harness report`, `nightly` and `atlas` take longer. `harness upgrade` and `engines add` take
-what pip takes to install an engine, the first time.
+deriving them the first time takes about half a minute. `harness report`, `nightly` and `atlas` take longer. The first time,
+`harness upgrade` and `engines add` also take the time that pip needs to install an engine.
 
-`harness bench NAME` measures what engines cost. The limits on a cluster are on [its page](../how-to/cluster.md).
+`harness bench NAME` measures what engines cost; [On a cluster](../how-to/cluster.md) says what a cluster costs.
 """
 
 

@@ -77,24 +77,26 @@ def page(found: Mapping[str, Any], of_trays: Mapping[str, Any]) -> str:
     dashes = " | ".join("---" for _ in METHODS * 2)
     return f"""# Solvers
 
-How far MuJoCo {version} is from the optimum that it documents, on the robots of dm_control's suite with everything on that is judged,
-at 64 states of each: in free motion, beyond limits, and where its own steps lead. Made by `python -m benchmarks solvers`.
+MuJoCo's [constraints are soft](../concepts/constraints.md#soft-constraints): it documents an optimum, and its solvers approach it. These
+tables say how far MuJoCo {version} is from that optimum on the robots of dm_control's suite. Everything that is judged is on. Up to 64
+states of each robot are asked: in free motion, beyond limits, and where MuJoCo's own steps lead. `python -m benchmarks solvers` made this
+page.
 
-*As the file says* is the worst relative error with the iterations and the tolerance of the file, or MuJoCo's 100 and 1e-8 where it gives
-none. The other columns have a tolerance of 0 and say within how many iterations every answer is right to the last digit, or what the worst
-relative error is after 1,024.
+The columns *as the file says* have the worst relative error with the iterations and the tolerance of the file, or with MuJoCo's defaults
+of 100 and 1e-8. The other columns have a tolerance of 0. They say how many iterations it takes until every answer is right to the last
+digit, or which worst relative error is left after 1,024.
 
 | file | states | where bodies touch | {columns} |
 | --- | --- | --- | {dashes} |
 {rows}
 
-PGS with elliptic cones leaves out contacts whose force begins with friction: their optimum is out of its reach.
+With elliptic cones, PGS leaves out contacts whose force begins with friction, so it cannot reach their optimum.
 `harness bench FILE --solvers --all` has every step, with its time.
 
-## Over cones and numbers of contacts
+## By cones and number of contacts
 
-A tray that falls on so many feet, at 64 states, with MuJoCo's default iterations and tolerance. The first figure of each column is that of
-the table above, the second the median time of a call then.
+A tray falls on feet, as many as there are contacts, at 64 states, with MuJoCo's default iterations and tolerance. The first figure of
+each cell is that of the table above, the second the median time of such a call.
 
 | contacts | states | where bodies touch | {columns} |
 | --- | --- | --- | {dashes} |
