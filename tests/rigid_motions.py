@@ -1,4 +1,4 @@
-"""Distances from rigid contact of one case, changed or not, asked in this process."""
+"""Distances from rigid contact of one case, changed or not, asked of one engine in this process."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from harness.hard.touching import rigid_distances
 from harness.results.rigid import RigidDistance
 
 
-def distances(case: RigidCase, monkeypatch: pytest.MonkeyPatch, **changed: object) -> list[RigidDistance]:
+def distances(case: RigidCase, monkeypatch: pytest.MonkeyPatch, engine: str = "mujoco", **changed: object) -> list[RigidDistance]:
     own = replace(case, **changed) if changed else case  # type: ignore[arg-type]
     monkeypatch.setattr(touching, "rigid_cases", lambda: {case.name: own})
+    monkeypatch.setattr(touching, "_engines", lambda library: iter([engine]))
     return rigid_distances(case.name, CALLED_HERE, silent)
 
 
 def of_setting(found: list[RigidDistance], setting: str) -> dict[float, float | None]:
-    return {one.value: one.distance for one in found if one.setting == setting and one.engine == "mujoco"}
+    return {one.value: one.distance for one in found if one.setting == setting}

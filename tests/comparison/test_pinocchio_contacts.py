@@ -23,6 +23,7 @@ from harness.engines.adapters.pinocchio import step_law, stepping
 from harness.engines.adapters.pinocchio import touching as found_by
 from harness.engines.adapters.pinocchio.robot import model_of
 from harness.engines.adapters.pinocchio.step_law import COMPLIANCE, STEP
+from harness.engines.reading import elements_of
 from harness.explain import touching
 from harness.explain.documented import documented
 from harness.explain.file_case import FileCase
@@ -315,7 +316,7 @@ GROUND, SKIN = (
 def test_friction_is_what_links_say(said: Sequence[tuple[str, str]], friction: float, tmp_path: Path) -> None:
     """The default of Pinocchio's constraint model where nobody says any, and the product of both."""
     asked = request_of(robot_at(edited(BALL, tmp_path, *said)), Stance.PLAIN)
-    shapes = found_by.TouchingShapes(model_of(asked), asked)
+    shapes = found_by.TouchingShapes(model_of(asked), asked.path, elements_of(asked))
     q = pinocchio.neutral(shapes._model)
     q[1] = -0.01
     [(found, model)] = shapes.at(q)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from harness.engines import ConstraintLaw, Unsupported
 from harness.engines.adapters.pinocchio import PinocchioEngine
 from harness.engines.adapters.pinocchio.step_law import COMPLIANCE, EXACT, EXACT_WITH_CONES, ITERATIONS, contacts, laws
 from harness.engines.interface import CompiledNumber
+from harness.engines.moving import MotionsRequest, Moved, moved_as_they_stand
 from harness.engines.request import Ending, Request, SolverSettings
 from harness.files.equalities import Constraint
 from harness.files.findings import EQUALITIES, TENDON_LIMITS
@@ -71,6 +73,12 @@ class PinocchioStepper(PinocchioEngine):
         from harness.engines.adapters.pinocchio.stepping import read
 
         return read(request, self._solver)
+
+    def moved(self, request: MotionsRequest) -> Moved:
+        """See ``harness.engines.Engine``; of files as they stand, with contacts and with what their solver has by default."""
+        from harness.engines.adapters.pinocchio.simulated import simulated
+
+        return moved_as_they_stand(self.title, request, partial(simulated, solver=self._solver))
 
     def compiled(self, request: Request) -> tuple[CompiledNumber, ...]:
         """None: what it holds is said of ``pinocchio``."""

@@ -12,6 +12,7 @@ algorithm/delassus-operator-dense.hxx, updateCompliance.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from harness.engines.adapters.pinocchio.step_law import COMPLIANCE, EXACT_WITH_C
 from harness.engines.adapters.pinocchio.touching import TouchingShapes
 from harness.engines.adapters.pinocchio.versions import require
 from harness.engines.coordinates import body_turn, of_linear
+from harness.engines.reading import elements_of
 from harness.engines.request import Refused, Request, SolverSettings
 from harness.files.contacts import FoundContact
 from harness.files.joint_kinds import JointKind
@@ -47,8 +49,9 @@ class SteppedFile(PinocchioFile):
         held = request.held
         self._step: Step | None = None
         if held is not None and (held.rubbing or held.limited or held.touches):
-            shapes = TouchingShapes(model, request) if held.touches else None
-            self._step = Step(model, self._numbers(held.rubbing), self._numbers(held.limited), solver, held.solver, shapes)
+            shapes = TouchingShapes(model, request.path, elements_of(request)) if held.touches else None
+            joints = self._numbers(held.rubbing), self._numbers(held.limited)
+            self._step = Step(model, joints, solver, held.solver, shapes, Rule(STEP, COMPLIANCE))
 
     def accelerating(self) -> Callable[..., Array]:
         return super().accelerating() if self._step is None else self._step.accelerations
@@ -99,6 +102,19 @@ class SteppedFile(PinocchioFile):
         return sorted(self.model.getJointId(owner.removeprefix("joint ")) for owner in owners)
 
 
+@dataclass(frozen=True)
+class Rule:
+    """The problem of a step.
+
+    Attributes:
+        length: of the step [s]. compliance: of all rows where bodies touch [1/kg]. is_convex: ``solve_ncp`` of the settings, reversed.
+    """
+
+    length: float
+    compliance: float
+    is_convex: bool = True
+
+
 class Step:
     """The constraint models of a model, and their solver.
 
@@ -109,33 +125,35 @@ class Step:
     def __init__(
         self,
         model: Any,
-        rubbing: Sequence[int],
-        limited: Sequence[int],
+        joints: tuple[Sequence[int], Sequence[int]],
         solver: str,
         set_by: SolverSettings | None,
         shapes: TouchingShapes | None,
+        rule: Rule,
     ) -> None:
-        self._model, self._limited = model, list(limited)
+        """``joints`` are the numbers of those whose dry friction acts, and of those whose limits do."""
+        rubbing, limited = joints
+        self._model, self._limited, self._rule = model, list(limited), rule
         self._bounds = model.lowerPositionLimit, model.upperPositionLimit
         self._columns = tuple([getattr(model.joints[number], kind) for number in limited] for kind in ("idx_q", "idx_v"))
         self._rubbing = list[Any]()
         if rubbing:
             friction = pinocchio.JointFrictionConstraintModel(model, list(rubbing))
-            friction.setTimeStep(STEP)
+            friction.setTimeStep(rule.length)
             self._rubbing.append(pinocchio.ConstraintModel(friction))
         every = [pinocchio.ConstraintModel(pinocchio.JointLimitConstraintModel(model, self._limited, *self._bounds))] if limited else []
         self._of_joints = [*every, *self._rubbing]
         self._memory, self.shapes, self.found = model.createData(), shapes, list[tuple[FoundContact, ...]]()
         # Of those that go on to the end, one does so with cones alone.
-        self._solve = _Solver(solver if set_by is None else set_by.method, set_by)
-        self._solve_cones = self._solve if set_by is None else _Solver(EXACT_WITH_CONES, set_by)
+        self._solve = _Solver(solver if set_by is None else set_by.method, set_by, rule.is_convex)
+        self._solve_cones = self._solve if set_by is None else _Solver(EXACT_WITH_CONES, set_by, rule.is_convex)
 
     def taken(self, q: Array, v: Array, count: int) -> tuple[Array, Array]:
         """q and v after so many steps without applied forces."""
         nothing = np.zeros_like(v)
         for _ in range(count):
-            v = v + STEP * self.accelerations(q, v, nothing)
-            q = np.array(pinocchio.integrate(self._model, q, STEP * v))
+            v = v + self._rule.length * self.accelerations(q, v, nothing)
+            q = np.array(pinocchio.integrate(self._model, q, self._rule.length * v))
         return q, v
 
     def accelerations(self, q: Array, v: Array, tau: Array) -> Array:
@@ -145,11 +163,12 @@ class Step:
         if not touching:
             return self._held(q, v, tau, self._of_joints, bool(self._limited)) if self._of_joints else self._free(q, v, tau)
         # Limits that are far away would cost ADMM the digits of all impulses: one is in the problem where the step passes it.
-        contacts, passed = [pinocchio.ConstraintModel(one) for _, one in touching], self._passed(q, v + STEP * self._free(q, v, tau))
+        contacts = [pinocchio.ConstraintModel(one) for _, one in touching]
+        passed = self._passed(q, v + self._rule.length * self._free(q, v, tau))
         while True:
             limits = self._limits_of(*passed)
-            found = self._held(q, v, tau, [*limits, *self._rubbing, *contacts], bool(limits), COMPLIANCE)
-            beyond = passed | self._passed(q, v + STEP * found)
+            found = self._held(q, v, tau, [*limits, *self._rubbing, *contacts], bool(limits), touches=True)
+            beyond = passed | self._passed(q, v + self._rule.length * found)
             if np.array_equal(beyond, passed):
                 return found
             passed = beyond
@@ -159,7 +178,7 @@ class Step:
 
     def _passed(self, q: Array, v: Array) -> Flags:
         """(2, limited joints) whether the lower and the upper limit are passed at the end of a step with these velocities."""
-        after = q[self._columns[0]] + STEP * v[self._columns[1]]
+        after = q[self._columns[0]] + self._rule.length * v[self._columns[1]]
         low, high = (bound[self._columns[0]] for bound in self._bounds)
         return np.array([after < low, after > high])
 
@@ -174,13 +193,13 @@ class Step:
             own[columns] = bound[columns]
         return [pinocchio.ConstraintModel(pinocchio.JointLimitConstraintModel(self._model, chosen, *bounds))]
 
-    def _held(self, q: Array, v: Array, tau: Array, rows: Sequence[Any], has_limits: bool, compliance: float = 0.0) -> Array:
+    def _held(self, q: Array, v: Array, tau: Array, rows: Sequence[Any], has_limits: bool, touches: bool = False) -> Array:
         """(nv,) under the constraints of some models, of which the first may be that of limits."""
         model, memory = self._model, self._memory
         models, data = pinocchio.StdVec_ConstraintModel(), pinocchio.StdVec_ConstraintData()
         models.extend(rows)
         data.extend([one.createData() for one in rows])
-        free = v + STEP * self._free(q, v, tau)
+        free = v + self._rule.length * self._free(q, v, tau)
         memory.q_in, memory.v_in, memory.tau_in = q, v, tau
         pinocchio.computeJointJacobians(model, memory, q)
         for one, own in zip(models, data, strict=True):
@@ -190,24 +209,24 @@ class Step:
         if has_limits:
             distance = np.array(data[0].extract().constraint_residual)
             behind = models[0].extract().baumgarte_corrector_parameters.Kp
-            drift[: len(distance)] += np.where(distance < 0, behind, 1.0) * distance / STEP
+            drift[: len(distance)] += np.where(distance < 0, behind, 1.0) * distance / self._rule.length
         upper = np.triu(pinocchio.computeMinverse(model, memory, q))
         inverse = upper + np.triu(upper, 1).T
         delassus = pinocchio.DelassusOperatorDense(jacobian @ inverse @ jacobian.T)
-        if compliance:
-            delassus.updateCompliance(np.full(len(drift), compliance))
-        impulses = (self._solve_cones if compliance else self._solve)(delassus, drift, models, data)
-        return self._free(q, v, tau + jacobian.T @ impulses / STEP)
+        if touches:
+            delassus.updateCompliance(np.full(len(drift), self._rule.compliance))
+        impulses = (self._solve_cones if touches else self._solve)(delassus, drift, models, data)
+        return self._free(q, v, tau + jacobian.T @ impulses / self._rule.length)
 
 
 class _Solver:
     """One of Pinocchio's solvers by its name, as it is set by default, or to go on to the end."""
 
-    def __init__(self, method: str, set_by: SolverSettings | None) -> None:
+    def __init__(self, method: str, set_by: SolverSettings | None, is_convex: bool) -> None:
         self._make, self._result, settings = (getattr(pinocchio, f"{method}{what}") for what in _PARTS)
         self._settings, self._most = settings(), (set_by and set_by.iterations) or 0
         # By default they are to solve what has no optimum.
-        self._settings.solve_ncp = False
+        self._settings.solve_ncp = not is_convex
         if set_by is None:
             return
         if method == EXACT_WITH_CONES:

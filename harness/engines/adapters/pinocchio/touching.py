@@ -14,14 +14,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio
 
 from harness.engines.adapters.pinocchio.versions import reasons
-from harness.engines.reading import elements_of
-from harness.engines.request import Refused, Request
+from harness.engines.request import Refused
 from harness.files.contacts import FoundContact
 from harness.files.tree import WORLD
 
@@ -40,9 +40,9 @@ class _Pair:
     friction: float
 
 
-def _coefficients(request: Request) -> dict[str, float]:
+def _coefficients(root: Any) -> dict[str, float]:
     """Friction by link, of those that say any."""
-    links = elements_of(request).iterfind("link")
+    links = root.iterfind("link")
     return {str(link.get("name")): float(one.get("value")) for link in links for one in link.iterfind("contact/lateral_friction")}
 
 
@@ -53,11 +53,15 @@ class TouchingShapes:
     overlap at their joints.
     """
 
-    def __init__(self, model: Any, request: Request, among_neighbours: bool = False) -> None:
-        """Raises Refused: the shapes cannot be read, as where their meshes are not there."""
+    def __init__(self, model: Any, path: Path, root: Any, among_neighbours: bool = False) -> None:
+        """``root`` is the root element of the file.
+
+        Raises:
+            Refused: the shapes cannot be read, as where their meshes are not there.
+        """
         self._model, self._data = model, model.createData()
         with reasons(lambda words: Refused(" ".join(words.split()))):
-            self._shapes = pinocchio.buildGeomFromUrdf(model, str(request.path), pinocchio.GeometryType.COLLISION)
+            self._shapes = pinocchio.buildGeomFromUrdf(model, str(path), pinocchio.GeometryType.COLLISION)
         self._shapes.addAllCollisionPairs()
         if not among_neighbours:
             for pair in [pair for pair in self._shapes.collisionPairs if self._are_neighbours(pair)]:
@@ -65,7 +69,7 @@ class TouchingShapes:
         self._found = pinocchio.GeometryData(self._shapes)
         for asked in self._found.collisionRequests:
             asked.num_max_contacts, asked.enable_contact = _MOST, True
-        self._pairs = [self._pair(pair, _coefficients(request)) for pair in self._shapes.collisionPairs]
+        self._pairs = [self._pair(pair, _coefficients(root)) for pair in self._shapes.collisionPairs]
 
     def _are_neighbours(self, pair: Any) -> bool:
         own, other = (self._shapes.geometryObjects[number].parentJoint for number in (pair.first, pair.second))
