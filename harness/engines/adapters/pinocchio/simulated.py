@@ -13,7 +13,7 @@ import pinocchio
 from lxml import etree
 
 from harness.arrays import Array
-from harness.engines.adapters.pinocchio.stepping import Rule, Step
+from harness.engines.adapters.pinocchio.stepping import SolvedStep, StepProblem
 from harness.engines.adapters.pinocchio.touching import TouchingShapes
 from harness.engines.adapters.pinocchio.versions import reasons, require
 from harness.engines.moving import MotionsRequest, SimulatedFile
@@ -38,7 +38,7 @@ def simulated(motion: SimulatedFile, request: MotionsRequest, solver: str) -> tu
         model = pinocchio.buildModelFromUrdf(str(path))
     root = etree.parse(path, etree.XMLParser(resolve_entities=False)).getroot()
     shapes = TouchingShapes(model, path, root, among_neighbours=True)
-    step = Step(model, ((), ()), solver, None, shapes, Rule(motion.file.length, compliance=0.0, is_convex=False))
+    step = SolvedStep(model, ((), ()), solver, None, shapes, StepProblem(motion.file.length, compliance=0.0, is_convex=False))
     if lacking := [name for name in request.joints if not model.existJointName(name)]:
         raise Refused(f"it has no joint {lacking[0]!r}")
     joints = [model.joints[model.getJointId(name)] for name in request.joints]

@@ -47,11 +47,11 @@ class SteppedFile(PinocchioFile):
     def __init__(self, model: Any, request: Request, solver: str) -> None:
         super().__init__(model, request)
         held = request.held
-        self._step: Step | None = None
+        self._step: SolvedStep | None = None
         if held is not None and (held.rubbing or held.limited or held.touches):
             shapes = TouchingShapes(model, request.path, elements_of(request)) if held.touches else None
             joints = self._numbers(held.rubbing), self._numbers(held.limited)
-            self._step = Step(model, joints, solver, held.solver, shapes, Rule(STEP, COMPLIANCE))
+            self._step = SolvedStep(model, joints, solver, held.solver, shapes, StepProblem(STEP, COMPLIANCE))
 
     def accelerating(self) -> Callable[..., Array]:
         return super().accelerating() if self._step is None else self._step.accelerations
@@ -103,7 +103,7 @@ class SteppedFile(PinocchioFile):
 
 
 @dataclass(frozen=True)
-class Rule:
+class StepProblem:
     """The problem of a step.
 
     Attributes:
@@ -115,7 +115,7 @@ class Rule:
     is_convex: bool = True
 
 
-class Step:
+class SolvedStep:
     """The constraint models of a model, and their solver.
 
     Attributes:
@@ -129,7 +129,7 @@ class Step:
         solver: str,
         set_by: SolverSettings | None,
         shapes: TouchingShapes | None,
-        rule: Rule,
+        rule: StepProblem,
     ) -> None:
         """``joints`` are the numbers of those whose dry friction acts, and of those whose limits do."""
         rubbing, limited = joints
