@@ -149,7 +149,7 @@ class BenchmarkStudy(Study):
 
     def _measured_part(self, name: str, what: str, part: BenchmarkPart, settings: BenchmarkSettings) -> Inquiry[None]:
         # Two timings at once would take turns on memory and caches, and measure each other.
-        outcome = yield from ask(part.measure, settings, self._scenes.get(name), affinity="timed" if part.timed else None)
+        outcome = yield from ask(part.measure, settings, self._scenes.get(name), affinity=part.timed or None)
         yield self.kept(f"{name} {what}", self._problem(outcome, name, what) or outcome.value)
 
     def _asked(self, part: BenchmarkPart) -> list[tuple[str, str, BenchmarkSettings]]:

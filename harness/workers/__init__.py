@@ -68,6 +68,11 @@ class Workers:
         """Number of tasks that can run at once by now; 1 outside of the context."""
         return 1 if self._pool is None else self._pool.seats
 
+    @property
+    def under_way(self) -> list[str]:
+        """Affinities that are names or paths, of the tasks that run by now; none of a cluster, and outside of the context."""
+        return [] if self._pool is None else self._pool.under_way
+
     def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
         """Outcomes in the order in which the tasks end; every task has exactly one.
 

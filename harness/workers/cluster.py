@@ -91,6 +91,11 @@ class Cluster:
         """Number of tasks that can run at once by now."""
         return len(self._seats())
 
+    @property
+    def under_way(self) -> list[str]:
+        """See ``harness.workers.Workers``."""
+        return []
+
     def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
         """Outcomes as the tasks end.
 

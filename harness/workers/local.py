@@ -56,6 +56,12 @@ class LocalPool:
         for process in list(self._processes):
             self._remove(process)
 
+    @property
+    def under_way(self) -> list[str]:
+        """See ``harness.workers.Workers``."""
+        running = [process.task.affinity for process in [*self._processes] if process.run is not None]
+        return list(dict.fromkeys(str(name) for name in running if isinstance(name, str | Path)))
+
     def run(self, tasks: Iterable[Task], further: Callable[[], Iterable[Task]] = tuple) -> Iterator[Outcome]:
         """Outcomes as the tasks end. Several runs may be under way; a run goes on while it is asked for outcomes."""
         run = _LocalRun(tasks)
@@ -180,7 +186,7 @@ class _Process:
         return time.monotonic() - sum(self._waited.values())
 
     def start(self, run: _LocalRun, task: Task, content: bytes, time_limit: float) -> None:
-        self.run, self._task = run, task
+        self.run, self.task = run, task
         self.deadline = self.clock() + START_SECONDS + time_limit
         for descriptor in (self._errors, self._notes):
             program.replace_content(descriptor)
@@ -215,21 +221,21 @@ class _Process:
             with program.open_at_start(self._mail) as stream:
                 answer = pickle.load(stream)
         except Exception as error:
-            return Outcome(self._task, exception=error)
+            return Outcome(self.task, exception=error)
         if len(answer) == 1:
-            return Outcome(self._task, value=answer[0])
+            return Outcome(self.task, value=answer[0])
         pickled, name, text = answer
         with contextlib.suppress(Exception):
-            return Outcome(self._task, exception=pickle.loads(pickled))
+            return Outcome(self.task, exception=pickle.loads(pickled))
         # A class that cannot be had here, or whose pickles cannot be read, is stood in for by one of its name.
-        return Outcome(self._task, exception=type(name, (Exception,), {})(text))
+        return Outcome(self.task, exception=type(name, (Exception,), {})(text))
 
     def _crash(self, reason: str) -> Outcome:
         # What the interpreter adds is not the engine's.
         message = re.split(r"^Fatal Python error:", _text(self._errors), maxsplit=1, flags=re.MULTILINE)[0].strip()
         if len(message) > MOST_CHARACTERS:
             message = f"[...] {message[-MOST_CHARACTERS:]}"
-        return Outcome(self._task, crash=Crash(reason, _text(self._notes), message))
+        return Outcome(self.task, crash=Crash(reason, _text(self._notes), message))
 
     def _cause_of_death(self) -> str:
         try:

@@ -246,6 +246,15 @@ def test_without_a_terminal_a_line_tells_every_ten_seconds_how_far_it_is(
     assert capsys.readouterr().out == ""
 
 
+def test_a_line_names_what_is_going_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    pipe, clock = piped(monkeypatch), Clock()
+    running = ["/robots/iCubGazeboV2/model.urdf", "arm_7r", EVIL]
+    with terminal.progress(3, "survey", clock, lambda: running):
+        clock.now = 10.5
+        [line] = _lines_until(1, pipe)
+        assert line.startswith("harness: survey: 0 of 3 after 10 s; now iCubGazeboV2/model.urdf, arm_7r, [red]x") and len(line) < 160
+
+
 @pytest.mark.parametrize(("seconds", "threads"), [(9.9, True), (30.0, False)])
 def test_short_work_is_silent_and_so_is_work_for_which_no_thread_can_be_had(
     seconds: float, threads: bool, monkeypatch: pytest.MonkeyPatch

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -366,6 +366,16 @@ def test_two_runs_may_be_under_way() -> None:
         assert next(first).value == 0
         assert [outcome.value for outcome in workers.run([Task(9, work.echo, (9,))])] == [9]
         assert [outcome.value for outcome in first] == [1, 2]
+
+
+def test_what_runs_is_known_by_name_while_it_runs() -> None:
+    with Workers(2) as workers:
+        waiting = [Task(1, work.slow_process, (1000.0,), affinity=name) for name in ("arm_7r", Path("/robots/model.urdf"))]
+        coming = workers.run([Task(0, work.slow_process, (0.0,)), *waiting])
+        assert next(coming).task.key == 0 and workers.under_way == ["arm_7r"]
+        assert isinstance(coming, Generator)
+        coming.close()
+        assert workers.under_way == []
 
 
 def test_a_run_that_is_given_up_ends_its_tasks() -> None:

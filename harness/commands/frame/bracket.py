@@ -164,7 +164,7 @@ class Bracket:
             return study.result()
         parts = unwritten = 0
         try:
-            with progress(study.steps, study.title) as advance:
+            with progress(study.steps, study.title, under_way=lambda: self.pool.under_way) as advance:
                 for part in run_study(study, self.pool):
                     if kept:
                         self.keep(part.value)

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from operator import attrgetter
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -44,13 +45,16 @@ def say(*lines: str, err: bool = False) -> None:
 
 
 @contextlib.contextmanager
-def progress(total: int, what: str, clock: Callable[[], float] = time.monotonic) -> Iterator[Callable[[str], None]]:
+def progress(
+    total: int, what: str, clock: Callable[[], float] = time.monotonic, under_way: Callable[[], Sequence[str]] = tuple
+) -> Iterator[Callable[[str], None]]:
     """Progress on standard error: a bar on a terminal, else a plain line every ten seconds of ``clock``.
 
-    Yields a function that marks one more as done; its argument says what that was.
+    Yields a function that marks one more as done; its argument says what that was. ``under_way`` gives what a plain line names as going
+    on: names of systems, and paths of files.
     """
     if not sys.stderr.isatty():
-        with _progress_lines(total, what, clock) as advance:
+        with _progress_lines(total, what, clock, under_way) as advance:
             yield advance
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -75,7 +79,9 @@ def progress(total: int, what: str, clock: Callable[[], float] = time.monotonic)
 
 
 @contextlib.contextmanager
-def _progress_lines(total: int, what: str, clock: Callable[[], float]) -> Iterator[Callable[[str], None]]:
+def _progress_lines(
+    total: int, what: str, clock: Callable[[], float], under_way: Callable[[], Sequence[str]]
+) -> Iterator[Callable[[str], None]]:
     started, done, last, ended = clock(), 0, "", threading.Event()
 
     def advance(description: str) -> None:
@@ -91,8 +97,10 @@ def _progress_lines(total: int, what: str, clock: Callable[[], float]) -> Iterat
                 told = now
                 # Whoever closed the stream wants no lines.
                 with contextlib.suppress(OSError, ValueError):
-                    after = f"after {now - started:.0f} s{last and '; last '}{last[:60]}"
-                    say(f"harness: {what}: {done} of {max(total, done)} {after}", err=True)
+                    # Many robots have one file name, as model.urdf.
+                    names = ", ".join("/".join(Path(name).parts[-2:]) for name in under_way())
+                    parts = [f"after {now - started:.0f} s", last and f"last {last[:60]}", names and f"now {names[:60]}"]
+                    say(f"harness: {what}: {done} of {max(total, done)} {'; '.join(filter(None, parts))}", err=True)
 
     teller = threading.Thread(target=tell, daemon=True)
     # Where a limit leaves no room for a thread, the work goes on without its lines.
