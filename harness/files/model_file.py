@@ -173,6 +173,8 @@ def _root_tag(format: str) -> str:
     return ROOT_TAGS[format]
 
 
+# Each reader of a changed text reads it.
+@lru_cache(maxsize=8)
 def _validated(path: Path, text: str, format: str) -> ModelFile:
     from harness.files.lint.checks import check_elements
     from harness.files.lint.mechanisms import check_joints, check_reading

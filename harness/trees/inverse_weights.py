@@ -52,24 +52,29 @@ def inverse_weights_of(
         ValueError: as ``inverse_weights``.
     """
     wanted = list(dict.fromkeys(wanted))
-    # A tree that touches in many ways is asked about the same bodies each time. The tree is kept with them: no other has its identity.
-    _, known = _KNOWN.get((id(tree), fuses), lambda: (tree, {}))
+    # A tree that touches in many ways is asked about the same bodies each time, and a file that a campaign changes about its constraints
+    # by each law in turn.
+    world, known = _KNOWN.get((tree, fuses), lambda: (_standing(tree), {}))
     missing = [one for one in wanted if one.kind == "tendon" or one not in known]
     if missing:
-        known |= _worked_out(tree, missing, fuses, tendons)
+        known |= _worked_out(_AtZero(world, fuses, {one.name: one for one in tendons}), missing)
     return {one: known[one] for one in wanted}
 
 
-_KNOWN: Kept[tuple[Tree, dict[InverseWeight, float]]] = Kept(16)
+_KNOWN: Kept[tuple[World, dict[InverseWeight, float]]] = Kept(16)
 
 
-def _worked_out(tree: Tree, wanted: Sequence[InverseWeight], fuses: bool, tendons: Iterable[Tendon]) -> dict[InverseWeight, float]:
+def _standing(tree: Tree) -> World:
+    """The motion of a tree in its zero position."""
+    tree = replace(tree := bounded(tree), bodies=tuple(map(_where_it_starts, tree.bodies)))
+    return in_world(standing(untied(tree, [joint.name for joint in tree.joints])))
+
+
+def _worked_out(at_zero: _AtZero, wanted: Sequence[InverseWeight]) -> dict[InverseWeight, float]:
     import flint
 
-    tree = replace(tree := bounded(tree), bodies=tuple(map(_where_it_starts, tree.bodies)))
-    nodes = standing(untied(tree, [joint.name for joint in tree.joints]))
-    at_zero = _AtZero(in_world(nodes), fuses, {one.name: one for one in tendons})
-    bodies = {body.name: body for body in tree.bodies}
+    nodes = at_zero.world.kinematics
+    bodies = {body.name: body for body in nodes.tree.bodies}
     outputs: dict[str, Iterable[Term]] = {"mass": recursion.mass_matrix(nodes)}
     for number, one in enumerate(wanted):
         outputs[str(number)] = [at_zero.rigid(bodies[one.of]).mass] if one.kind == "mass" else at_zero.jacobian(one)

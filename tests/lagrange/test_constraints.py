@@ -18,11 +18,15 @@ from harness.lagrange.euler_angles import Attitude
 from harness.lagrange.system import TIME
 from harness.programs.evaluation import values
 from harness.programs.kernels import full_matrices
-from harness.programs.mechanisms.constraint_forces import constrained_program
+from harness.programs.mechanisms import softened as softened_equations
+from harness.programs.mechanisms.constraint_forces import constrained_program, products_of_elimination
 from harness.programs.mechanisms.mechanism import Constraints, Mechanism
 from harness.programs.mechanisms.softened import Softness, softened_program
 from harness.programs.program import StraightLineProgram, right_hand_side
 from harness.programs.states import States
+from harness.programs.terms import Builder
+from harness.storage import Kept
+from harness.truth import declared
 from harness.truth.compare import compare
 from harness.truth.declared import softened
 from harness.truth.manifold import closed
@@ -180,6 +184,32 @@ def test_stiffer_constraints_approach_rigid_ones() -> None:
         errors.append(compare(rigid, soft.high).relative_error.max())
     # The error goes with (1 - d) / d.
     assert errors[1] < errors[0] / 50 and errors[2] < errors[1] / 500
+
+
+def test_an_elimination_from_the_tips_gives_the_same_forces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of trees with so many bodies that the other way would fill the whole matrix."""
+    mechanism = mechanism_of(four_bar())
+    found = []
+    for most in (softened_equations.MOST_PRODUCTS, 0):
+        monkeypatch.setattr(softened_equations, "MOST_PRODUCTS", most)
+        monkeypatch.setattr(softened_equations, "_WRITTEN", Kept(1))
+        monkeypatch.setattr(declared, "_DECLARED", Kept(1))
+        found.append(given_way(mechanism, LAW))
+    root_first, tips_first = found
+    states = states_of(mechanism, 20)
+    assert root_first.program != tips_first.program
+    one, other = (values(each.program, each.inputs(states))["passive"] for each in found)
+    np.testing.assert_allclose(other, one, rtol=1e-8, atol=1e-8)
+
+
+def test_products_of_an_elimination_are_counted_with_what_it_fills() -> None:
+    """Of a hub with four arms: the hub first couples all arms with one another, and last none."""
+    builder = Builder(["x"])
+    hub = builder.zeros(5, 5)
+    hub[0, :] = hub[:, 0] = builder.inputs[0]
+    hub[range(5), range(5)] = builder.inputs[0]
+    assert products_of_elimination(hub) == 4 * 5 // 2 + 3 * 4 // 2 + 2 * 3 // 2 + 1
+    assert products_of_elimination(hub[::-1, ::-1]) == 4
 
 
 def test_a_law_is_for_every_row() -> None:

@@ -114,6 +114,16 @@ def solved_from_tips(mass: Matrix, columns: Sequence[Vector]) -> list[Vector]:
     return [column[::-1] for column in solved(mass[::-1, ::-1], [column[::-1] for column in columns])]
 
 
+def products_of_elimination(rows: Matrix) -> int:
+    """Products of the elimination of a symmetric matrix from its first row to its last, where only zeros of it that stay so cost none."""
+    filled, count = np.array([[entry.value != 0 for entry in row] for row in rows]), 0
+    for j in range(len(rows)):
+        below = j + 1 + np.flatnonzero(filled[j + 1 :, j])
+        filled[np.ix_(below, below)] = True
+        count += len(below) * (len(below) + 1) // 2
+    return count
+
+
 def _solved_by_orthogonal_columns(left: Sequence[Vector], right: Sequence[Vector]) -> list[Vector]:
     """The solutions of a regular system: its columns ``left`` are made orthogonal to one another, and those of the right with them."""
     m, columns, found = len(left), [*left, *right], list[Vector]()
