@@ -100,7 +100,8 @@ def test_a_wrong_factor_of_the_solver_is_told_with_what_to_set(tmp_path: Path) -
         assert not record.fault
 
 
-@pytest.mark.nightly
+# Each night a small tree and a large one.
+@pytest.mark.nightly(nights=3)
 @pytest.mark.parametrize(("bodies", "seed"), [(10, 1), (12, 50), (20, 4), (40, 2), (80, 3), (150, 5)])
 def test_random_trees_touch_as_documented(bodies: int, seed: int, tmp_path: Path) -> None:
     """Both ways of storing are held against one truth, which takes nearly all of the time and knows nothing of them."""

@@ -228,10 +228,12 @@ def tree_of_shapes(folder: Path, number: int) -> Path:
 # Of the trees of few bodies, two that have every shape and number of directions, both cones and a sparse Jacobian.
 AT_THE_DESK = (6, 11)
 IN_CI = range(3)
+# The others take 20 minutes of a processor together.
+IN_TURN = pytest.mark.nightly(nights=4)
 
 
 def marks_of(number: int) -> tuple[pytest.MarkDecorator, ...]:
-    return () if number in AT_THE_DESK else (pytest.mark.ci,) if number in IN_CI else (pytest.mark.nightly,)
+    return () if number in AT_THE_DESK else (pytest.mark.ci,) if number in IN_CI else (IN_TURN,)
 
 
 def test_trees_at_the_desk_stand_for_the_others(tmp_path: Path) -> None:
