@@ -137,7 +137,11 @@ class FileCase:
         """Sentences on answers that nothing explains; none where digits are lost and no more."""
         accelerations = answers.of(self.at.robot.joints)
         if self.touching.is_any.any() and is_held(compared[self.apart]):
-            return ["it is only at states where bodies touch that it is not what its documentation gives"]
+            # Most answers are right.
+            from harness.explain.contact_suspects import contacts_explaining
+
+            named = contacts_explaining(self, accelerations, compared)
+            return ["it is only at states where bodies touch that it is not what its documentation gives", *named]
         if not self.has_constraints and is_held(compared):
             return left_beside_readings(self.original, self.folded, self.at, answers, compared)
         if compared.are_all(Verdict.AGREES, Verdict.UNDECIDED):
