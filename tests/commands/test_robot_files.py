@@ -28,7 +28,7 @@ TWO_LINKS, MIMIC = HERE / "comparison" / "files" / "arm.urdf", HERE / "compariso
 DRIVEN = HERE / "comparison" / "files" / "driven.xml"
 ARM = HERE / "trees" / "files" / "arm.urdf"
 ROTOR = HERE.parent / "docs" / "examples" / "energy-of-rotors-at-unaligned-hinges.xml"
-# Pinocchio's reader passes over the frame with all that it holds.
+# Pinocchio's reader ignores the frame with all its contents.
 FRAMED = """<mujoco>
   <worldbody>
     <body name="upper">
@@ -164,7 +164,7 @@ def test_what_a_reader_leaves_out_is_said_of_an_engine_that_has_too_few_joints(f
     assert done.returncode == 0 and done.stdout.startswith("framed.xml: nothing is wrong with mujoco/mjcf")
     assert rows(done)["mujoco/mjcf"][3] == "agrees" and rows(done)["pinocchio/mjcf"][3] == "misreads (as expected): frames joints lost"
     assert (
-        "joints lost  Pinocchio's MJCF reader passes over <frame> and <replicate> with all that they hold (1 element, line 6): write"
+        "joints lost  Pinocchio's MJCF reader ignores <frame> and <replicate> with all their contents (1 element, line 6): write"
         in done.stdout
     )
 

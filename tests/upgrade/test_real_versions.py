@@ -50,7 +50,7 @@ def test_the_rotation_of_an_inertial_origin_is_read_from_3_14_on(tmp_path: Path)
     assert re.match(
         r"Yes, for the better: MuJoCo 3\.14\.0 changes turned\.urdf against 3\.13\.0: accelerations by up to \S+ %", done.stdout
     )
-    assert "no longer: MuJoCo before 3.14 passes over the rpy of a link's <inertial><origin>: 1 link" in done.stdout
+    assert "no longer: MuJoCo before 3.14 ignores the rpy of a link's <inertial><origin>: 1 link" in done.stdout
     assert "body_inertia" in done.stdout
 
 

@@ -23,7 +23,7 @@ ADD_ROTORS = "add the rotor inertias to the diagonal of M, and solve with that"
 ADD_TO_TARGET = "give gear^2 times both to the joint or tendon that the actuator drives"
 DRIVE = "add J' f of each actuator to tau, f its force at the control"
 CARRY_WEIGHTS = "add J' f to tau for each of these bodies, f its share of the weight, upwards in its centre"
-LEAD = "reduce M and its bias to the joints that lead, G' M G and G' h, and solve with these"
+LEAD = "reduce M and the bias h to the joints that are mimicked, G' M G and G' h, and solve these"
 WRITE_INERTIA, POSSIBLE = "write an <inertial> into each of them", "write inertias that a body can have"
 WRITE_OUT_FRAMES = "write out what they hold, each element with its own pose"
 

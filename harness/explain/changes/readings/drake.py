@@ -90,27 +90,28 @@ READINGS = readings_of(
                 "Drake 1.51, multibody/parsing/detail_mujoco_parser.cc, ParseBody",
             ),
             _left_out.frames: (
-                "Drake's parser passes over <frame> and <replicate> with all that they hold",
+                "Drake's parser ignores <frame> and <replicate> with all their contents",
                 _left_out.WRITE_OUT_FRAMES,
                 _PARSER,
             ),
             _without_settings: (
-                "Drake's parser passes over settotalmass, and boundmass, boundinertia and balanceinertia, with a warning",
+                "Drake's parser ignores settotalmass, boundmass, boundinertia and balanceinertia, with a warning",
                 "write the masses and inertias that result into each <inertial>",
                 _PARSER,
             ),
             _undriven: (
-                "Drake's parser gives the armature of a joint to motors and position actuators, and drops it where none drives the joint",
+                "Drake's parser gives the armature of a joint to its motor or position actuator, and drops it if there is none",
                 "add a <motor> for the joint",
                 "https://github.com/RobotLocomotion/drake/pull/21967",
             ),
             _written_gravity: (
-                "Drake's parser passes over the flag that switches gravity off, with a warning",
+                "Drake's parser ignores the flag that switches gravity off, with a warning",
                 "call plant.mutable_gravity_field().set_gravity_vector([0, 0, 0])",
                 _PARSER,
             ),
             _left_out.actuators: (
-                "Drake's parser makes a motor of a joint a JointActuator, which drives by the plant's input alone, and no other actuator",
+                "Drake's parser makes a JointActuator of a motor on a joint, which acts only by the plant's input, and ignores other "
+                "actuators",
                 _left_out.DRIVE,
                 _PARSER,
             ),
@@ -146,8 +147,8 @@ READINGS = readings_of(
             ),
             _possible: (
                 (
-                    "Drake has a solid sphere of 1000 kg/m^3 instead of an inertia that no body can have, with its mass, "
-                    "or 1 kg where it has none; it warns of it"
+                    "Drake replaces an inertia that no body can have by that of a solid sphere of 1000 kg/m^3 with the same mass, or 1 kg "
+                    "if none is given, with a warning"
                 ),
                 _left_out.POSSIBLE,
                 "Drake, multibody/parsing/detail_common.h, ParseSpatialInertia, and its fallback",

@@ -175,7 +175,7 @@ MUJOCO = readings_of(
     {
         _MJCF: {
             _massless_bodies_centred: (
-                "MuJoCo takes the position of a body in its parent for the centre of the mass that boundmass gives it",
+                "MuJoCo puts the mass that boundmass gives a body at the body's position in its parent",
                 _left_out.WRITE_INERTIA,
                 f"{_OBJECTS}, mjCBody::Compile: where ipos is undefined, the body's pos and quat are copied into it",
             ),
@@ -245,14 +245,14 @@ OF_PROGRAM = readings_of(
         _MJCF: {
             _in_the_frame_of_the_body: (
                 (
-                    "MuJoCo takes the inertial frame of a body for the body's own, or for one that is turned as that, where they differ by "
-                    "less than 1e-6"
+                    "MuJoCo replaces the inertial frame of a body by the body's own, or its rotation by that, if they differ by less than "
+                    "1e-6"
                 ),
                 "write the pose of the inertial as 0, or farther from it than 1e-6",
                 "MuJoCo 4.0, user/user_model.cc, CopyTree: body_sameframe, and kFrameEps of IsNullPose",
             ),
             _along_branches: (
-                "MuJoCo leaves the inertia of a tendon out of entries of M for joints on different branches",
+                "MuJoCo leaves the inertia of a tendon out of the entries of M between joints on different branches",
                 "keep a tendon with armature on one branch",
                 "MuJoCo 4.0, engine/engine_core_smooth.c, mj_tendonArmature: to those entries of M that the tree makes nonzero",
             ),

@@ -139,8 +139,8 @@ def _along_found_axes(matrix: Array) -> Array:
 
 
 _LOST = (
-    "MuJoCo before 3.14 drops products of inertia below 1e-12 kg m^2, and what a turn below 1.4e-6 rad would remove, "
-    "when it looks for principal axes",
+    "MuJoCo before 3.14 drops products of inertia below 1e-12 kg m^2, or that a rotation below 1.4e-6 rad would remove, when it computes "
+    "principal axes",
     "upgrade to MuJoCo 3.14 or later, or give principal moments",
     "MuJoCo 3.13, user/user_util.cc, mjuu_eig3: it ends where a product or a turn is below kEigEPS; user_objects.cc, AccumulateInertia",
 )
@@ -151,7 +151,7 @@ READINGS = readings_of(
         ("urdf",): {
             _with_dropped_products_of_links: _LOST,
             _without_turned_inertials: (
-                "MuJoCo before 3.14 passes over the rpy of a link's <inertial><origin>",
+                "MuJoCo before 3.14 ignores the rpy of a link's <inertial><origin>",
                 "upgrade to MuJoCo 3.14 or later, or write the inertia along the link's axes, without an rpy",
                 "MuJoCo 3.13, xml/xml_urdf.cc: the orientation of the origin is overwritten by that of the principal axes",
             ),

@@ -123,7 +123,7 @@ READINGS = readings_of(
     {
         _MJCF: {
             _left_out.actuators: (
-                "Newton makes drives of joints of position and velocity actuators alone, whose targets are the user's; they are off here",
+                "Newton makes drives only of position and velocity actuators of joints, whose targets the user sets; they are off here",
                 _left_out.DRIVE,
                 f"{_IMPORTER}, parse_actuators: JOINT_TARGET; all others are of SolverMuJoCo alone",
             ),
@@ -138,22 +138,22 @@ READINGS = readings_of(
                 "Newton documentation, custom attributes: mujoco:gravcomp",
             ),
             _left_out.point_springs: (
-                "SolverFeatherstone has no spatial tendons, which are of SolverMuJoCo",
+                "SolverFeatherstone has no spatial tendons; SolverMuJoCo has",
                 _left_out.ADD_POINT_SPRINGS,
                 f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such force",
             ),
             _left_out.slack_springs: (
-                "SolverFeatherstone has no spatial tendons, which are of SolverMuJoCo",
+                "SolverFeatherstone has no spatial tendons; SolverMuJoCo has",
                 _left_out.ADD_POINT_SPRINGS,
                 f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such force",
             ),
             _left_out.tendon_inertias: (
-                "SolverFeatherstone has no spatial tendons, nor their inertia, which are of SolverMuJoCo",
+                "SolverFeatherstone has no spatial tendons, nor their inertia; SolverMuJoCo has",
                 _left_out.ADD_TENDON_INERTIAS,
                 f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such inertia",
             ),
             _left_out.linear_tendons: (
-                "SolverFeatherstone has no tendons on joints, which are of SolverMuJoCo",
+                "SolverFeatherstone has no tendons on joints; SolverMuJoCo has",
                 _left_out.ADD_TENDONS,
                 f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such force",
             ),
@@ -183,7 +183,7 @@ READINGS = readings_of(
         },
         _USD: {
             _stages.attributes_of_joints: (
-                "Newton's importer of USD reads springs, dampers and rotor inertias of joints in no attribute of the namespace mjc",
+                "Newton's importer of USD does not read springs, dampers and rotor inertias of joints from attributes in the namespace mjc",
                 "write newton:armature and newton:damping, or pass SchemaResolverMjc to add_usd",
                 f"{_USD_IMPORTER}: schema_resolvers",
             ),
@@ -195,7 +195,7 @@ READINGS = readings_of(
             _left_out.point_springs: ("SolverFeatherstone has no tendons", _left_out.ADD_POINT_SPRINGS, _SOLVER),
             _left_out.linear_tendons: ("SolverFeatherstone has no tendons", _left_out.ADD_TENDONS, _SOLVER),
             _left_out.actuators: (
-                "Newton makes drives of DriveAPI, whose targets are the user's; they are off here",
+                "Newton makes drives of DriveAPI, whose targets the user sets; they are off here",
                 _left_out.DRIVE,
                 _USD_IMPORTER,
             ),
@@ -205,7 +205,7 @@ READINGS = readings_of(
                 _USD_IMPORTER,
             ),
             _stages.references: (
-                "Newton counts positions of joints from where their frames meet, and reads no mjc:ref",
+                "Newton counts joint positions from where the joint frames coincide, and reads no mjc:ref",
                 "add the reference to its positions",
                 _USD_IMPORTER,
             ),
@@ -231,7 +231,8 @@ READINGS = readings_of(
     {
         _USD: {
             _by_name: (
-                "Newton merges joints of a body by their names, slides first, where newton:jointsAddMobility says by traversal order",
+                "Newton merges the joints of a body in the order of their names, slides first, and not in traversal order as "
+                "newton:jointsAddMobility says",
                 "give the joints of a body names in their order, or bodies of their own",
                 "newton-usd-schemas 0.6, NewtonArticulationRootAPI; Newton 1.8, newton/_src/usd/_joints.py, parse_merged_joints",
             ),
@@ -243,12 +244,12 @@ READINGS = readings_of(
                 f"{_IMPORTER}, parse_mjcf: of <option> it reads the flag gravity alone",
             ),
             _slides_first: (
-                "Newton's importer of MJCF makes one joint of several of a body: slides before hinges, in the position of the first",
+                "Newton's importer of MJCF merges several joints of a body into one: slides before hinges, at the position of the first",
                 "give each of these joints a body of its own",
                 f"{_IMPORTER}, parse_body: linear_axes, angular_axes and joint_pos[0]",
             ),
             _left_out.total_mass: (
-                "Newton's importer of MJCF passes over <compiler settotalmass>",
+                "Newton's importer of MJCF ignores <compiler settotalmass>",
                 "write the scaled masses and inertias into each <inertial>",
                 f"{_IMPORTER}, parse_mjcf, which does not read it",
             ),

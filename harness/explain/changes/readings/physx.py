@@ -111,17 +111,17 @@ READINGS = readings_of(
     {
         _USD: {
             _anchored: (
-                "PhysX takes the joint by which an articulation hangs on the world for the anchor of its base: what it would move is fixed",
+                "PhysX takes the joint between an articulation and the world as the anchor of a fixed base, so the joint does not move",
                 _BASE_OF_ITS_OWN,
                 f"{_ARTICULATIONS}; Population, PhysicsArticulationRootAPI",
             ),
             _floating: (
-                "PhysX lets a body float that has PhysicsArticulationRootAPI, and leaves its joint to the world out of the articulation",
+                "PhysX lets a body with PhysicsArticulationRootAPI float, and leaves its joint to the world out of the articulation",
                 _BASE_OF_ITS_OWN,
                 f"{_ARTICULATIONS}; Population, PhysicsArticulationRootAPI",
             ),
             _stages.attributes_of_joints: (
-                "PhysX reads springs, dampers and rotor inertias of joints in no attribute of the namespace mjc",
+                "PhysX does not read springs, dampers and rotor inertias of joints from attributes in the namespace mjc",
                 "write newton:armature and newton:damping; make a spring a drive to its reference",
                 "ovphysx documentation, Population, PhysxJointAxisAPI",
             ),
@@ -129,7 +129,7 @@ READINGS = readings_of(
             _left_out.tendon_inertias: ("PhysX reads no tendon of the namespace mjc", _left_out.ADD_TENDON_INERTIAS, _TENDONS),
             _left_out.linear_tendons: ("PhysX reads no tendon of the namespace mjc", _left_out.ADD_TENDONS, _TENDONS),
             _left_out.actuators: (
-                "PhysX makes drives of DriveAPI alone, whose targets are the user's; they are off here",
+                "PhysX makes drives of DriveAPI only, whose targets the user sets; they are off here",
                 _left_out.DRIVE,
                 "ovphysx documentation, Population, PhysicsDriveAPI",
             ),
@@ -154,7 +154,7 @@ READINGS = readings_of(
                 "ovphysx documentation, Population, PhysxRigidBodyAPI",
             ),
             _stages.references: (
-                "PhysX counts positions of joints from where their frames meet, and reads no mjc:ref",
+                "PhysX counts joint positions from where the joint frames coincide, and reads no mjc:ref",
                 "add the reference to its positions",
                 "ovphysx documentation, Joints",
             ),
@@ -165,7 +165,7 @@ READINGS = readings_of(
     {
         _USD: {
             _defaulted: (
-                "PhysX takes 9.81 along -z for the gravity of a scene with NewtonSceneAPI where the schemas of Newton are registered",
+                "PhysX takes 9.81 along -z as the gravity of a scene with NewtonSceneAPI if Newton's schemas are registered",
                 "leave NewtonSceneAPI out; newton:gravityEnabled works without",
                 "ovphysx documentation, Population, PhysicsScene, which says that the authored gravity is taken",
             ),

@@ -171,18 +171,15 @@ READINGS = readings_of(
         },
         _MJCF: {
             _along_the_body: (
-                (
-                    "Pinocchio adds the armature of a free joint to the accelerations of its velocity's components along the axes of the "
-                    "body, which turn, and not along those of the world"
-                ),
+                ("Pinocchio applies the armature of a free joint along the axes of the body, which turn, and not along those of the world"),
                 'write <freejoint/>, or armature="0" on the free joint, which has no rotor',
                 "Pinocchio 4.1, multibody/joint/joint-free-flyer.hpp: its velocity is along the axes of the body, as armature is in aba",
             ),
         },
         _URDF: {
             _without_blanks: (
-                "Pinocchio's reader of URDF takes none of the moments of a link of which one has blanks behind it, and goes on with 0, "
-                "and so of its mass",
+                "Pinocchio's reader of URDF sets the moments of a link to 0 if one of its numbers has a trailing blank, and its mass too "
+                "if that has one",
                 "write the numbers of <mass> and <inertia> without blanks or line breaks behind them",
                 "urdfdom, urdf_parser/src/link.cpp, parseInertial, and strToDouble, which wants the end of the text behind a number",
             ),

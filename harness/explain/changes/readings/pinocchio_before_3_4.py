@@ -31,7 +31,7 @@ READINGS = readings_of(
     {
         ("mjcf",): {
             _without_axes: (
-                "Pinocchio's MJCF reader before 3.4 takes euler without eulerseq for a matrix that is no rotation",
+                "Pinocchio's MJCF reader before 3.4 turns euler without eulerseq into a matrix that is not a rotation",
                 'call Pinocchio 3.4 or later, or write <compiler eulerseq="xyz"/>',
                 "the versions themselves: jointPlacements is a multiple of 1; harness upgrade pinocchio 3.3.1 3.4.0 mjcf/acrobot.euler.xml",
             ),

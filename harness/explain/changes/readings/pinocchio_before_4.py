@@ -23,7 +23,7 @@ READINGS = readings_of(
     {
         ("mjcf",): {
             _without_references: (
-                "Pinocchio's MJCF reader before 4.0 passes over the ref of a joint",
+                "Pinocchio's MJCF reader before 4.0 ignores the ref of a joint",
                 "call Pinocchio 4.0 or later, or write the body where its joint is at zero, without ref",
                 "the versions themselves: jointPlacements is not turned; harness upgrade pinocchio 3.9.0 4.0.0 mjcf/arm_2r.offset_ref.xml",
             ),

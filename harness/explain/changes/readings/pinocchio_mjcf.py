@@ -283,50 +283,52 @@ READINGS = readings_of(
     {
         ("mjcf",): {
             _first_sections: (
-                "Pinocchio's MJCF reader takes the first <compiler> and the first <default>, if before <worldbody>, and no <include>",
+                "Pinocchio's MJCF reader reads only the first <compiler> and the first <default>, if they are before <worldbody>, "
+                "and no <include>",
                 "write one <compiler> and one <default> before <worldbody>, and no <include>",
                 _SECTIONS,
             ),
             _rotors_of_first_sections: (
-                "Pinocchio's MJCF reader takes rotor inertias of the first <default> alone, if before <worldbody>, and of no <include>",
+                "Pinocchio's MJCF reader reads rotor inertias only from the first <default>, if it is before <worldbody>, and from "
+                "no <include>",
                 "write armature on the joint itself",
                 _SECTIONS,
             ),
             _without_bare_bodies: (
-                "Pinocchio's MJCF reader drops a body without any attribute, and hangs what it carries on the world",
+                "Pinocchio's MJCF reader drops a body without any attribute, and attaches its children to the world",
                 "give the body a name",
                 f"{_GRAPH}, parseJointAndBody: names and lists a body where it meets its attributes",
             ),
             _with_root_in_the_origin: (
-                "Pinocchio's MJCF reader passes over the pose of a body that is fixed to the world, and puts it into the world's origin",
-                "give the pose to what the body carries",
+                "Pinocchio's MJCF reader ignores the pose of a body that is fixed to the world, and puts it at the world's origin",
+                "put the pose on the body's children",
                 f"{_GRAPH}, parseRootTree: addRootJoint, which takes no placement",
             ),
             _without_first_references: (
-                "Pinocchio's MJCF reader passes over the ref of the first of several joints of a body",
-                "put the first joint on a body of its own",
+                "Pinocchio's MJCF reader ignores the ref of the first of several joints of a body",
+                "give the first joint a body of its own",
                 f"{_GRAPH}, fillModel: the first joint of a composite has the identity for its placement",
             ),
             _with_reference_in_degrees: (
-                "Pinocchio's MJCF reader takes the ref of a slide, in metres, for an angle where it comes from a default class",
+                "Pinocchio's MJCF reader takes the ref of a slide, in metres, as an angle if it comes from a default class",
                 "write ref on the joint itself",
                 f"{_GRAPH}, MjcfJoint::fill: the classes go before the joint's own type, which is hinge until then",
             ),
             _raised: (
                 (
-                    "Pinocchio's MJCF reader takes boundmass and boundinertia of <compiler> for the numbers of an <inertial> alone, "
-                    "and passes over balanceinertia"
+                    "Pinocchio's MJCF reader applies boundmass and boundinertia of <compiler> only to the numbers of an <inertial>, and "
+                    "ignores balanceinertia"
                 ),
                 "write the bounded masses and inertias into each <inertial>",
                 f"{_GRAPH}, convertInertiaFromMjcf and parseCompiler",
             ),
             _without_anchors_of_classes: (
-                "Pinocchio's MJCF reader passes over a joint's pos from a default class, and puts the joint into the body's origin",
+                "Pinocchio's MJCF reader ignores a joint's pos from a default class, and puts the joint at the body's origin",
                 "write pos on the joint itself",
                 f"{_GRAPH}, MjcfJoint::fill: only the joint's own attribute pos is read",
             ),
             _with_class_around: (
-                "Pinocchio's MJCF reader gives a joint with a class of its own what the childclass around it says besides",
+                "Pinocchio's MJCF reader also applies the childclass around a joint that has a class of its own",
                 "write type, axis and ref on the joint itself",
                 f"{_GRAPH}, MjcfJoint::fill: default < ChildClass < Class < Real Joint",
             ),
@@ -336,47 +338,49 @@ READINGS = readings_of(
                 f"{_GRAPH}, MjcfJoint::fill: default < ChildClass < Class < Real Joint",
             ),
             _turned_about_moving_axes: (
-                "Pinocchio's MJCF reader takes the capital letters of eulerseq, which turn about axes that stay, for small ones",
-                "write these turns as quat",
+                "Pinocchio's MJCF reader takes the capital letters of eulerseq, for rotations about fixed axes, as small letters",
+                "write these rotations as quat",
                 f"{_GRAPH}, MjcfCompiler::convertEuler, which multiplies the three turns in their order",
             ),
             _without_masses_of_classes: (
-                "Pinocchio's MJCF reader passes over a geom's mass from a default class, and takes its density",
+                "Pinocchio's MJCF reader ignores a geom's mass from a default class, and uses its density",
                 "write mass on the geom itself",
                 f"{_GEOMS}: only the geom's own attribute mass is read",
             ),
             _of_the_first_tree: (
-                "Pinocchio's MJCF reader reads the first body in <worldbody> with what it carries, and passes over the others",
+                "Pinocchio's MJCF reader reads only the first body in <worldbody>, with its children",
                 "put all trees under one body without joint and pose",
                 f"{_GRAPH}, parseGraph: get_child(worldbody).get_child(body), of which there is one",
             ),
             _with_the_first_world_again: (
-                "Pinocchio's MJCF reader reads the first <worldbody> once more for each further one, with joints that carry no mass",
+                "Pinocchio's MJCF reader reads the first <worldbody> again for each further one, with joints that carry no mass",
                 "write one <worldbody>",
                 f"{_GRAPH}, parseGraph: get_child(worldbody), the first, for each; frames of one name are one, that of the first",
             ),
             _left_out.frames: (
-                "Pinocchio's MJCF reader passes over <frame> and <replicate> with all that they hold",
+                "Pinocchio's MJCF reader ignores <frame> and <replicate> with all their contents",
                 _left_out.WRITE_OUT_FRAMES,
                 f"{_GRAPH}, parseJointAndBody, which knows neither element",
             ),
             _with_unit_meshes: (
-                "Pinocchio's MJCF reader computes no inertia of a mesh, and gives the geom 1 kg and moments of 1 kg m^2 in its position",
+                "Pinocchio's MJCF reader does not compute the inertia of a mesh, and gives the geom 1 kg and moments of 1 kg m^2 at "
+                "its position",
                 _left_out.WRITE_INERTIA,
                 f"{_GEOMS}, MjcfGeom::computeInertia leaves a mesh Inertia::Identity()",
             ),
             _of_the_first_of_a_name: (
-                "Pinocchio's MJCF reader calls a body without a name after its parent, and takes the first of several so called for each",
+                "Pinocchio's MJCF reader names a nameless body after its parent, and takes the first of several such bodies for all "
+                "of them",
                 "give each body a name of its own",
                 f"{_GRAPH}, parseJointAndBody: bodyName = parentName + Bis; mapOfBodies.insert, which keeps the first",
             ),
             _left_out.total_mass: (
-                "Pinocchio's MJCF reader passes over <compiler settotalmass>",
+                "Pinocchio's MJCF reader ignores <compiler settotalmass>",
                 "write the scaled masses and inertias into each <inertial>",
                 f"{_GRAPH}, parseCompiler, which does not read it",
             ),
             _without_pictures: (
-                'Pinocchio\'s MJCF reader gives a geom with contype="0" and conaffinity="0" no mass, as to a picture',
+                'Pinocchio\'s MJCF reader gives no mass to a geom with contype="0" and conaffinity="0", as if it were only visual',
                 _left_out.WRITE_INERTIA,
                 f"{_GEOMS}: such a geom is VISUAL, and its inertia is not computed",
             ),

@@ -172,27 +172,27 @@ READINGS = readings_of(
     {
         _URDF: {
             _left_out.unit_inertias: (
-                "PyBullet gives a link without <inertial> 1 kg and moments of 1 kg m^2, and warns of it",
+                "PyBullet gives a link without <inertial> 1 kg and moments of 1 kg m^2, with a warning",
                 _left_out.WRITE_INERTIA,
                 "bullet3, examples/Importers/ImportURDFDemo/UrdfParser.cpp, parseLink",
             ),
             _boxes: (
-                "PyBullet takes the inertia of the box around a link's collision shapes, 1 mm wider, and not that of the file",
+                "PyBullet uses the inertia of the box around a link's collision shapes, 1 mm wider, and not that of the file",
                 "load the file with flags=p.URDF_USE_INERTIA_FROM_FILE",
                 "PyBullet Quickstart Guide, loadURDF, URDF_USE_INERTIA_FROM_FILE; bullet3, btCompoundShape::calculateLocalInertia",
             ),
             _possible: (
-                "PyBullet sets moments of inertia to zero where one is negative or more than the sum of the others, and warns of it",
+                "PyBullet sets moments of inertia to zero if one is negative or more than the sum of the others, with a warning",
                 _left_out.POSSIBLE,
                 _INERTIAS,
             ),
             _diagonal: (
-                "PyBullet turns an inertia matrix to its principal axes to 1e-6 of it, and passes over the products that are left",
+                "PyBullet rotates an inertia matrix to its principal axes to a relative 1e-6, and ignores the remaining products",
                 "write these inertias about their principal axes, and the turn into rpy of the origin",
                 f"{_INERTIAS}; btMatrix3x3::diagonalize",
             ),
             _left_out.dampers: (
-                "PyBullet stores the damping of joints, and its inverse dynamics apply none",
+                "PyBullet stores the damping of joints, but its inverse dynamics do not apply it",
                 _left_out.ADD_DAMPING,
                 _READER,
             ),

@@ -75,7 +75,7 @@ DART = readings_of(
             ),
             _left_out.point_springs: ("DART's loader reads no springs between points", _left_out.ADD_POINT_SPRINGS, _DART),
             _damped_implicitly: (
-                "DART has the dampers of joints act at the end of its time step, which is 1 ms by default",
+                "DART evaluates the dampers of joints at the end of its time step, which is 1 ms by default",
                 "call setTimeStep(0) on the skeleton",
                 "https://github.com/dartsim/dart/issues/1450; dart/dynamics/detail/GenericJoint.hpp, updateInvProjArtInertiaImplicit",
             ),
@@ -87,12 +87,12 @@ IDYNTREE = readings_of(
     {
         _URDF: {
             _without_frames: (
-                "The parser of iDynTree takes a link of mass 0 at the end of fixed joints for a frame, and drops its inertia",
+                "The parser of iDynTree takes a link of mass 0 at the end of fixed joints as a mere frame, and drops its inertia",
                 "give the link a mass above 0",
                 "iDynTree, src/model/src/ModelTransformers.cpp, removeFakeLinks",
             ),
             _left_out.dampers: (
-                "The parser of iDynTree stores the damping of joints, and no computation applies it",
+                "The parser of iDynTree stores the damping of joints, but no computation applies it",
                 _left_out.ADD_DAMPING,
                 "iDynTree, src/model: IJoint::getDamping is read by no algorithm of ForwardKinematics.cpp or Dynamics.cpp",
             ),
