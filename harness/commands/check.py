@@ -44,12 +44,12 @@ class CheckOptions:
 def command(bracket: Bracket, asked: CheckOptions) -> None:
     """Check engines on NAMEs, or on a robot's FILE.
 
-    NAME is a mechanism with its plain models, or a variant, MECHANISM.VARIANT;
-    a pattern takes all that it fits. Without NAMEs it is all of both.
-    The path of a URDF or MJCF file is a robot: what its numbers mean is the truth, and the
-    engines that read it are as their user calls them, with actuators, dry friction, limits and equalities
-    on, and contacts off without --contacts. An answer is explained where it is right for what
-    the engine's reader makes of the file, which is named with its effect.
+    NAME is a mechanism with its plain models, or a variant of these, MECHANISM.VARIANT;
+    a pattern takes all names that it matches. Without NAMEs, all mechanisms and variants are checked.
+    FILE is a robot, as URDF, MJCF or USD: what its numbers mean is the truth. The engines that read it are
+    called as their users call them, with actuators, dry friction, limits and equalities on; contacts are on
+    with --contacts. An answer is explained if it is right for what the engine's reader makes of the file;
+    the output names that, with its effect.
 
     \b
     Examples:

@@ -72,18 +72,19 @@ class CompareOptions:
 def command(bracket: Bracket, asked: CompareOptions) -> None:
     """Compare engines on a robot's FILE, or several FILEs.
 
-    FILE is a URDF or an MJCF, as its root element says, or USD. Begins with whether the engines agree with the
-    file, or whether several files are one robot; then come the few rows that say why, each with its
-    share of the acceleration, its lines and what to do. --verbose prints all that is known.
-    Plain is an engine as its user calls it; aided, one with what it leaves out of the file supplied.
-    Joints that one file alone moves stand still in both while the rest of the files is compared.
-    The exit status is 0 where every answer is explained and all files are one robot. A refusal, an answer
-    that nobody can judge, and no engine to ask are 1, unless expected_robots.toml beside the file says so.
+    FILE is a URDF, an MJCF or a USD file. The output begins with whether the engines agree with the file,
+    or whether several files are the same robot. Then come the few rows that say why, each with its share of
+    the acceleration, its lines and what to do. --verbose prints all that is known.
+    A plain engine is called as its users call it; an aided one is given what it leaves out of the file.
+    Joints that move in only one file are held still in both while the rest of the files is compared.
+    The exit status is 0 if every answer is explained and all files are the same robot. It is 1 if an engine
+    refuses a file, if an answer cannot be judged, or if there is no engine to ask, unless
+    expected_robots.toml beside the file expects that.
 
-    With --steps two engines, or two integrators, move the robot from one start. Prints how much of the
-    gap between them is due to the equations that they read, to the integrator and to the step length,
-    and what rounding has in it. An engine without integrators is stepped by its accelerations.
-    Nothing drives the robot then, and nothing is in its way; harness drift moves it with all that is on.
+    With --steps, two engines or two integrators move the robot from the same start. The output says how
+    much of the gap between them is due to the equations that they read, the integrator, the step length
+    and rounding. An engine without integrators is stepped by its accelerations. Nothing drives or touches
+    the robot then; harness drift moves it with controls and contacts.
 
     \b
     Examples:

@@ -27,11 +27,11 @@ LATEST, PREVIOUS = "latest", "previous"
 @click.option("--list", "listed", is_flag=True, help="List the runs that there are, and compare none.")
 @computing(directory=True, seed=False, workers=False)
 def command(bracket: Bracket, before: str, now: str, listed: bool) -> None:
-    """Hold two runs of the history against each other.
+    """Compare two runs of the history.
 
     A and B are numbers of runs or nights, latest or previous: by default the last run and the
-    one before. Prints of each system and subject what changed in verdict, error, cost
-    and message, and which came or went. Exit status 1 where something became worse:
+    one before. Prints for each system and subject what changed in verdict, error, cost
+    and message, and which are new or gone. The exit status is 1 if something became worse:
     a graver verdict, one that is no longer expected, or a median or 99 % error that rose beyond
     the noise of its sample.
 

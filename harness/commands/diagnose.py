@@ -47,12 +47,12 @@ class DiagnoseOptions:
 def command(bracket: Bracket, asked: DiagnoseOptions) -> None:
     """Explain why a check of NAME is red.
 
-    Begins with the engine or model at fault and with what to write in which line; the wrong terms and all that explains the
-    answers follow, with --verbose what nearly does.
-    Of a robot's FILE it names what the engines' readers make of it. With --mjcf or --urdf
-    FILE is the truth, and the other file suspected: the lines that differ are named, the one
-    that moves the accelerations most first. Of another quantity than accelerations it names the
-    blocks that are wrong, since when, and the number of the file that explains it.
+    The output begins with the engine or model at fault, and with what to write at which line. The wrong terms
+    and everything that explains the answers follow; --verbose adds what nearly does.
+    For a robot's FILE, it names what the engines' readers make of the file. With --mjcf, --urdf or --usd, FILE
+    is the truth and the other file is suspected: the lines that differ are named, the one that changes the
+    accelerations most first. For quantities other than accelerations, it names the wrong blocks, since when
+    they are wrong, and the number of the file that explains it.
 
     \b
     Examples:

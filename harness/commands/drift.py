@@ -29,7 +29,7 @@ class DriftOptions:
             "--by",
             multiple=True,
             metavar="ENGINE[@VERSION][/INTEGRATOR[@SECONDS]]",
-            help="Who moves A, and who B; once for both, or twice. SECONDS is the step length. By default mujoco, as the file says.",
+            help="What moves A, and what B; once for both, or twice. SECONDS is the step length. By default mujoco, as the file says.",
         ),
     ]
     seconds: Annotated[
@@ -50,7 +50,7 @@ class DriftOptions:
     start: Annotated[
         str,
         click.option(
-            "--start", default="", metavar="JSON", help="{JOINT: [positions, velocities], ...} of joints that start elsewhere than A."
+            "--start", default="", metavar="JSON", help="{JOINT: [positions, velocities], ...} of joints that start elsewhere than in A."
         ),
     ]
     delay: Annotated[
@@ -75,17 +75,17 @@ class DriftOptions:
 @takes(DriftOptions)
 @computing(time_limit=600.0, library=False, detail=True)
 def command(bracket: Bracket, asked: DriftOptions) -> None:
-    """Say why a robot moves otherwise in B than in A.
+    """Say why a robot moves differently in B than in A.
 
-    A and B are files, MJCF or URDF, or one file that is moved by two engines, versions, integrators or
-    step lengths, or with another delay of its controls. Both move from one start under one control with
-    everything on that the files say: contacts, limits, friction and actuators.
-    Begins with what the gap is due to, with its lines and what to set for B to move as A. Each cause
-    that differs is exchanged between A and B in every subset of the others; its share is the mean of what
-    that does, so that all shares sum to the gap. Where rounding alone would make as much, none is claimed.
-    B may be a table of measured positions, a column time [s] and one for each joint: what is told then is which number of A,
-    changed alone, explains most of the gap, and which the log does not tell apart.
-    The exit status is 0 where a drift was found and explained, and where both move alike.
+    A and B are MJCF or URDF files. Without B, A is moved by two engines, versions, integrators or step
+    lengths, or with two delays of its controls. Both sides move from the same start under the same control,
+    with contacts, limits, friction and actuators on.
+    The output begins with the cause of the gap, its lines, and what to set so that B moves as A does. Each
+    cause is exchanged between A and B in every subset of the others. Its share is the mean effect of that,
+    so that all shares sum to the gap. If rounding alone would make such a gap, no share is claimed.
+    B may be a table of measured positions, with a column time [s] and one for each joint. The output then
+    says which number of A, changed alone, explains most of the gap, and which numbers the log cannot tell apart.
+    The exit status is 0 if a drift was found and explained, or if both move alike.
 
     \b
     Examples:

@@ -23,7 +23,7 @@ def command(bracket: Bracket, name: str, html_path: str | None) -> None:
     """Show equations, parameters and models of NAME.
 
     Prints the joints of both models side by side, and what each engine holds after loading.
-    Of a robot's FILE it prints what the file is, and what no body can have.
+    For a robot's FILE, prints what it holds, and which inertias no body can have.
 
     \b
     Examples:

@@ -29,7 +29,7 @@ SECTION = ROBOT
     "--against",
     metavar="FOLDER",
     type=click.Path(path_type=Path),
-    help="Tell changes against this earlier state of the current folder.",
+    help="Say what changed against this earlier state of the folder.",
 )
 @click.option("--markdown", "markdown_path", metavar="FILE", help="Write what is printed, with every robot, to this file as Markdown.")
 @states_option(32, "file")
@@ -40,14 +40,16 @@ def command(
 ) -> None:
     """Compare engines on every robot of a FOLDER or PACKAGE.
 
-    Finds URDF and MJCF files by their root elements, and USD stages. Begins with how many robots every engine agrees
-    on; a line for each engine follows, and a row for each other robot: what every engine makes of it,
-    the readings that explain most, and the links that no body can be.
-    `harness compare FILE` shows one of them in full. A file without meaning is a row too.
-    Adds the page robots.html to the report, with the trend of the last surveys of the same places, and says what changed since the last.
+    Finds URDF and MJCF files by their root elements, and USD stages. The output begins with the number of
+    robots on which all engines agree. A line for each engine follows, and a row for each other robot: what
+    every engine makes of it, the readings that explain most, and the links with impossible inertias.
+    `harness compare FILE` shows one robot in full. A file that cannot be read is a row too.
+    Adds the page robots.html to the report, with the trend of earlier surveys of the same places, and says
+    what has changed since the last one.
 
-    With --against it begins with the robots that are other than in that folder, as a checkout of another commit: two lines for each,
-    which number differs in which line, and which engine answers otherwise. The report stays as it is.
+    With --against, the output begins with the robots that differ from those in that folder, such as a
+    checkout of another commit. Two lines for each say which number differs at which line, and which engine
+    gives a different answer. The report stays as it is.
 
     \b
     Examples:

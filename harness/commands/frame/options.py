@@ -152,7 +152,7 @@ BY_NAME: dict[str, Callable[..., Any]] = {
         help="Folder of the report and its history.",
     ),
 }
-contacts_option = click.option("--contacts", is_flag=True, help="Have contacts of a robot's FILE on, too, where its bodies touch.")
+contacts_option = click.option("--contacts", is_flag=True, help="Also switch on the contacts of a robot's FILE.")
 subjects_option = click.option("--subject", "subjects", multiple=True, metavar="ENGINE[/FORMAT]", help="Only this subject; repeatable.")
 
 
@@ -163,7 +163,7 @@ def quantities_option(without: str) -> Callable[..., Any]:
 
 
 quantity_option = click.option(
-    "--quantity", metavar="NAME", default=ACCELERATIONS, show_default=True, help="What is compared, as mass_matrix or reactions."
+    "--quantity", metavar="NAME", default=ACCELERATIONS, show_default=True, help="Quantity to compare, such as mass_matrix or reactions."
 )
 
 
@@ -185,9 +185,9 @@ def time_limit_option(seconds: float | None, shown: bool | str = True) -> Callab
 
 # The last one comes first in help.
 _STAND_INS = {
-    "usd": "Is held against the one robot's file.",
-    "urdf": "Stands in for the one system's URDF model.",
-    "mjcf": "Stands in for the one system's MJCF model.",
+    "usd": "USD file to compare with the robot's file.",
+    "urdf": "File to take as the one system's URDF model.",
+    "mjcf": "File to take as the one system's MJCF model.",
 }
 
 
