@@ -237,6 +237,19 @@ def test_mechanisms_that_touch_are_held(name: str) -> None:
     assert record.explained and record.touching >= 8 and record.to_the_end is not None
 
 
+# Seeds of 48 states of each file: 10^4 states, of which most touch.
+SEEDS = range(24)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("name", ["", *TOUCHING])
+def test_no_state_is_red(name: str, seed: int) -> None:
+    path = BUILT_IN.model_path(name, "urdf") if name else BALL
+    record = judge_switched_on(meant(robot_at(path), 48, seed=seed), ENGINE)
+    assert (record.explained, record.message, record.rest) == (True, "", [])
+
+
 def test_velocities_of_a_free_joint_are_along_the_axes_of_its_body(monkeypatch: pytest.MonkeyPatch) -> None:
     assert held_by("tippe_top").explained
     _law_with(lambda law: replace(law, in_body=False))(monkeypatch)
