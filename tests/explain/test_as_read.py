@@ -45,5 +45,5 @@ def test_a_reading_that_leaves_nothing_is_told_with_its_remedy() -> None:
     mechanism = RobotLibrary.of([str(path)]).own_mechanism(str(path))
     original = read_robot(path)
     found = FileAsRead(RobotLibrary.of([str(path)]), "physx", mechanism, original, fold(original, find_readings("physx", "usd")))
-    with pytest.raises(Unsupported, match=r"does not have: \(base of upper\) \(PhysX lets a body with \w+ float .*: put a base with mass"):
+    with pytest.raises(Unsupported, match=r"does not have: \(base of upper\) \(PhysX lets a body with \w+ float.*: put a base with mass"):
         _ = found.computed
