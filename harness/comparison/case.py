@@ -22,6 +22,7 @@ from harness.trees.robot import with_actuators
 from harness.truth.compare import Flags
 from harness.truth.declared import DeclaredMechanism
 from harness.truth.displaced import held, near, pressed, slowed
+from harness.truth.reference import asked_at
 
 # One of so many states is beyond limits.
 _EACH_PRESSED = 4
@@ -104,4 +105,5 @@ def felt(asked: AskedEngine, read: Meant, judged: Sequence[Switch]) -> tuple[Mea
         if rubs:
             # There an acceleration is next to nothing, and any change many times that.
             within &= numbers % _EACH_PRESSED != 2
+    states = asked_at(states, read.unit_roundoff)
     return replace(read, states=states, certified=reference_of(read.robot, read.unit_roundoff).evaluate(states)), within

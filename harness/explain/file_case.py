@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -62,8 +62,8 @@ class FileCase:
 
     def by(self, departures: Iterable[Departure] = ()) -> Reference:
         """The truth by the laws that the engine documents, or with departures from them."""
-        own = self.at.robot, self.caller, self.judged
-        return self.touching.truth(self.at.states, lambda contacts: documented(*own, departures, contacts))
+        own, kernel = (self.at.robot, self.caller, self.judged), partial(ReferenceKernel, unit_roundoff=self.at.unit_roundoff)
+        return self.touching.truth(self.at.states, lambda contacts: documented(*own, departures, contacts), kernel)
 
     @cached_property
     def truth(self) -> Reference:
@@ -152,7 +152,8 @@ class FileCase:
             return left_beside_readings(self.original, self.folded, self.at, answers, compared)
         if is_held(compared):
             return []
-        kernel = ReferenceKernel(documented(self.at.robot, self.caller, self.judged, self.departures))
+        documentation = documented(self.at.robot, self.caller, self.judged, self.departures)
+        kernel = ReferenceKernel(documentation, unit_roundoff=self.at.unit_roundoff)
         return unexplained(self.where_apart, accelerations[self.apart], kernel)
 
     @cached_property

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 
 from harness.arrays import Array, Indices
 from harness.engines import Call, Calls, Engine, Model, Unsupported, driving_of, timed_answers_of
@@ -94,7 +95,7 @@ class TouchingTruth(AccelerationTruth):
         """See ``Truth``."""
         if not len(states):
             return super().evaluate(states)
-        return self.touching(states).truth(states, self._documented, _kernel)
+        return self.touching(states).truth(states, self._documented, partial(_kernel, unit_roundoff=self.unit_roundoff))
 
     def asked_at(self, states: States, share: float = ASKED_ELSEWHERE) -> States:
         """See ``Truth``; one of ``EACH_SETTLED`` states is where the engine's own steps lead, so that bodies touch."""
@@ -121,8 +122,8 @@ class TouchingTruth(AccelerationTruth):
         return _DOCUMENTED.get((self.key, structure_of(contacts)), lambda: documented(*about))
 
 
-def _kernel(mechanism: Mechanism) -> ReferenceKernel:
-    return _KERNELS.get(mechanism.key, lambda: ReferenceKernel(mechanism))
+def _kernel(mechanism: Mechanism, unit_roundoff: float) -> ReferenceKernel:
+    return _KERNELS.get((mechanism.key, unit_roundoff), lambda: ReferenceKernel(mechanism, unit_roundoff=unit_roundoff))
 
 
 def touching_truth(

@@ -19,7 +19,8 @@ from studies import silent
 from support import harness, harness_in_a_process, make_library
 
 from harness.bench.methods import find_methods
-from harness.engines import EQUATIONS, describe_engines, known_subjects, load_engine, select_subjects, subjects
+from harness.crosscheck.assignment import Assignment
+from harness.engines import EQUATIONS, Subject, describe_engines, known_subjects, load_engine, select_subjects, subjects
 from harness.engines.coordinates import BALL, FREE, Columns, rotation
 from harness.environments import find_environments
 from harness.files.model_file import read_model
@@ -434,6 +435,63 @@ def test_further_quantities_in_float32_agree(
     records = check_in_its_environment(name, systems, environment(name), tmp_path, quantities)
     answered = [one for one in records if one["subject"] == f"{name}/mjcf"]
     assert len(answered) == len(systems) * len(quantities) and {one["verdict"] for one in answered} == {"agrees"}, answered
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ["mjx_float32", "mujoco_warp"])
+def test_constraints_and_actuators_in_float32_are_judged(name: str, environment: Callable[[str], Path], tmp_path: Path) -> None:
+    """Dry friction, limits, servos, a tendon and couplings, by the law of the file; Warp's connect depends on the call before."""
+    systems = ["dry_pendulum", "limited_pendulum", "servo_arm", "tendon_finger", "atwood"]
+    records = check_in_its_environment(name, [*systems, "four_bar"], environment(name), tmp_path)
+    verdicts = {str(one["system"]): one["verdict"] for one in records}
+    assert verdicts == dict.fromkeys(systems, "agrees") | {"four_bar": "error" if name == "mujoco_warp" else "agrees"}
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("factor", [1.0, 1.0001])
+def test_dry_friction_that_is_off_by_a_ten_thousandth_is_red_in_float32(
+    factor: float, environment: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HARNESS_CACHE", str(environment("mujoco_warp")))
+    describe_engines(BUILT_IN, Workers)
+    path = BUILT_IN.validated_models("dry_pendulum")["mjcf"]
+    subject = Subject("mujoco_warp", "mjcf")
+    about = Assignment.of(BUILT_IN, "dry_pendulum", subject, path)
+    states = about.truth.asked_at(random_sample(about.mechanism, 64, 0))
+    certified = about.truth.evaluate(states)
+    assert about.model is not None
+    other = replace(about.model, text=about.model.text.replace('frictionloss="6.5"', f'frictionloss="{6.5 * factor!r}"'))
+    model = load_engine(BUILT_IN, "mujoco_warp").load(other, about.mechanism.joints, about.mechanism.gravity)
+    assert about.truth.asked_and_judged(certified, states, model).are_all("agrees") == (factor == 1.0)
+
+
+@pytest.mark.nightly
+def test_mujoco_warp_is_judged_on_files_with_all_on(environment: Callable[[str], Path], tmp_path: Path) -> None:
+    """Actuators, dry friction, limits of joints and tendons; that limits of balls lack J' v is the departure of MuJoCo's law."""
+    found = found_by(environment("mujoco_warp"), tmp_path, "compare", str(DRIVEN.with_name("rubbing.xml")), "--subject", "mujoco_warp/mjcf")
+    (record,) = found["switched_on"]
+    assert record["explained"] and record["backward_error"] < AGREEMENT and len(record["departures"]) == 1
+    assert len(record["parts"]) == 7
+
+
+@pytest.mark.nightly
+def test_newton_loses_digits_of_a_body_far_from_the_origin_alone(
+    environment: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The cause of the entry on ``satellite_wheel`` in ``expected_verdicts.toml``: nothing else is changed but where the body is."""
+    monkeypatch.setenv("HARNESS_CACHE", str(environment("newton")))
+    describe_engines(BUILT_IN, Workers)
+    mechanism, file = load_mechanism(BUILT_IN, "satellite_wheel"), read_model(BUILT_IN.validated_models("satellite_wheel")["mjcf"], "mjcf")
+    truth = AccelerationTruth(mechanism, unit_roundoff=2.0**-24, factorises=True)
+    model = load_engine(BUILT_IN, "newton").load(file, mechanism.joints, mechanism.gravity)
+    sampled, medians = random_sample(mechanism, 2000, 0), []
+    for scale in (0.0, 1.0, 10.0):
+        states = truth.asked_at(replace(sampled, q=np.hstack([scale * sampled.q[:, :3], sampled.q[:, 3:]])))
+        errors = truth.asked_and_judged(truth.evaluate(states), states, model).backward_error
+        medians.append(float(np.median(errors)))
+        assert scale or errors.max() < 8
+    # With the square of the distance, where that is far more than the body is large.
+    assert medians[0] < 1 < medians[1] and medians[2] > 30 * medians[1]
 
 
 @pytest.mark.nightly

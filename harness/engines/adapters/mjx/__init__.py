@@ -21,7 +21,8 @@ from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile
 
 if TYPE_CHECKING:
-    from harness.engines.adapters.mjx.device import MjxFile, MjxModel
+    from harness.engines.adapters.mjx.device import MjxModel
+    from harness.engines.adapters.mujoco.on_device import DeviceFile
 
 FLOAT32 = 2.0**-24
 
@@ -50,13 +51,12 @@ class MjxEngine(Engine):
     def __init__(self, in_float64: bool) -> None:
         self._in_float64 = in_float64
         if not in_float64:
-            # No user's file is handed over in float32.
-            self.unit_roundoff, self.call, self.title = FLOAT32, {}, "MJX in float32"
+            self.unit_roundoff, self.title = FLOAT32, "MJX in float32"
 
-    def read(self, request: Request) -> MjxFile:
+    def read(self, request: Request) -> DeviceFile:
         from harness.engines.adapters.mjx.device import read
 
-        return read(request)
+        return read(request, self._in_float64)
 
     def load_model(self, file: ModelFile, joints: Sequence[str], gravity: float) -> MjxModel:
         from harness.engines.adapters.mjx.device import load

@@ -26,17 +26,17 @@ from mujoco import mjx
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Unsupported
 from harness.engines.adapters.mujoco import robot
-from harness.engines.adapters.mujoco.acting import actuators_of, placed_controls, refuse_in_float32, rub_and_limit_alone
+from harness.engines.adapters.mujoco.acting import actuators_of, placed_controls, rub_and_limit_alone
 from harness.engines.adapters.mujoco.model import MujocoModel
+from harness.engines.adapters.mujoco.on_device import DeviceFile, in_blocks, still
 from harness.engines.adapters.mujoco.versions import keep_what_is_on
-from harness.engines.loaded_file import EngineRun, LoadedFile
 from harness.engines.request import Refused, Request
 from harness.files.model_file import ModelFile
 from harness.storage import cache_directory
 
 BLOCK = 64
-# Dry friction [N or N m] that no acceleration shows.
-_HARDLY_ANY = 1e-300
+# Dry friction [N or N m] that no acceleration shows, of numbers of float32 too.
+_HARDLY_ANY = 1e-30
 # XLA's fusion on CPUs computes what several elements of a chain of bodies share once for each: seven bodies take 51 CPU seconds to compile
 # and 20 ms for each state with it, 8 s and 0.3 ms without and with the least effort of LLVM. Answers differ by roundoff.
 COMPILER_OPTIONS = {"xla_disable_hlo_passes": "fusion,fusion_wrapper", "xla_backend_optimization_level": 0}
@@ -104,7 +104,7 @@ def _compiled(of_a_state: Callable[..., Any], vectors: int) -> Any:
 _FORWARD_DERIVATIVES, _INVERSE_DERIVATIVES = (functools.partial(_derivatives, one) for one in (_forward, _inverse))
 
 
-class OnDevice:
+class ModelOnDevice:
     """An ``mjx.Model`` of an ``MjModel``, asked in blocks of states.
 
     ``numbers`` stand in the place of the model's own there, by their names.
@@ -124,12 +124,9 @@ class OnDevice:
 
     def evaluate(self, of_a_state: Callable[..., Any], *given: Array) -> Array:
         """Answers of a function of the model, its empty data and one state, at n states: positions, velocities and further vectors."""
-        answers, states = [], len(given[0])
-        for start in range(0, states, BLOCK):
-            block = [values[start : start + BLOCK] for values in given]
-            count = len(block[0])
-            # A block that is not full repeats its first state, as zeros are no quaternion.
-            full = [np.concatenate([values, np.repeat(values[:1], BLOCK - count, axis=0)]) for values in block]
+        answers = []
+        for block in zip(*(in_blocks(values, BLOCK) for values in given), strict=True):
+            full, count = [values for values, _ in block], block[0][1]
             with jax.enable_x64(self._in_float64):
                 answers.append(np.asarray(_compiled(of_a_state, len(given))(self._model, self._empty, *full), dtype=np.float64)[:count])
         return np.concatenate(answers)
@@ -140,7 +137,7 @@ class MjxModel:
 
     def __init__(self, model: Any, joints: Sequence[str], in_float64: bool, driven: Sequence[int] = ()) -> None:
         self.takes_driving = bool(driven)
-        self._compiled, self._on_device = MujocoModel(model, joints, driven=driven), OnDevice(model, in_float64)
+        self._compiled, self._on_device = MujocoModel(model, joints, driven=driven), ModelOnDevice(model, in_float64)
 
     def loaded(self) -> LoadedModel:
         return self._compiled.loaded()
@@ -148,6 +145,11 @@ class MjxModel:
     def held(self, positions: Mapping[str, float] | None = None, steps: Mapping[str, Sequence[float]] | None = None) -> HeldModel:
         """The ``MjModel``'s numbers, which are put on the device."""
         return self._compiled.held(positions, steps)
+
+    @property
+    def is_tied(self) -> bool:
+        """See ``harness.engines``."""
+        return self._compiled.is_tied
 
     def gaps(self, q: Array) -> dict[str, Array]:
         """See ``harness.engines``; by MuJoCo itself, from the same ``MjModel``."""
@@ -189,34 +191,6 @@ class MjxModel:
         return np.ascontiguousarray(found[:, :, velocities][:, :, :, velocities])
 
 
-class MjxFile(LoadedFile):
-    """A file that MuJoCo has read, on the device; conventions are MuJoCo's."""
-
-    def __init__(self, compiled: robot.MujocoFile, frictions: Mapping[str, Array]) -> None:
-        super().__init__(compiled.request, [joint.name for joint in compiled.found])
-        if compiled.request.driven:
-            _still(compiled.model, compiled.request.driven)
-        self._compiled, self._on_device = compiled, OnDevice(compiled.model, in_float64=True, **frictions)
-        self.notes = compiled.notes
-
-    def driven_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
-        run = MjxRun(self._compiled.prepare(q, v, tau, *driving), self._on_device)
-        run.compute()
-        return run.accelerations()
-
-    def prepare(self, q: Array, v: Array, tau: Array) -> MjxRun:
-        return MjxRun(self._compiled.prepare(q, v, tau), self._on_device)
-
-
-def _still(model: Any, driven: Sequence[int]) -> None:
-    """Have all actuators but these give no force: MJX knows no groups of actuators that are switched off."""
-    off = [number for number in range(model.nu) if number not in driven]
-    model.actuator_gainprm[off], model.actuator_biasprm[off] = 0.0, 0.0
-    # Numbers alone: another type has XLA compile anew.
-    muscles = [number for number in off if model.actuator_gaintype[number] > int(mujoco.mjtGain.mjGAIN_AFFINE)]
-    model.actuator_gaintype[muscles], model.actuator_biastype[muscles] = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_NONE
-
-
 def _frictions(model: Any, request: Request) -> dict[str, Array]:
     """The dry friction that acts; the rest of the file's is next to nothing, as each set of rows is compiled anew.
 
@@ -238,26 +212,18 @@ def _have_no_cones(model: Any) -> None:
         model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
 
 
-class MjxRun(EngineRun):
-    """MuJoCo's run, computed by MJX."""
-
-    def __init__(self, run: EngineRun, on_device: OnDevice) -> None:
-        super().__init__(run.loaded, run.own, run.evaluate, run.in_file)
-        self._on_device = on_device
-
-    def compute(self) -> None:
-        own = self.own if self.loaded.request.driven else self.own[:3]
-        self.found[:] = self._on_device.accelerations(*own)
-
-
-def read(request: Request) -> MjxFile:
+def read(request: Request, in_float64: bool) -> DeviceFile:
     """A file that MuJoCo reads, on the device; see ``harness.engines.Engine``."""
     compiled = robot.read(request)
     if request.aid is not None:
         keep_what_is_on(compiled.model)
     _have_no_cones(compiled.model)
     try:
-        return MjxFile(compiled, _frictions(compiled.model, request))
+        # What rubs is taken of what acts, before the rest of it is put beside.
+        frictions = _frictions(compiled.model, request)
+        if request.driven:
+            still(compiled.model, request.driven)
+        return DeviceFile(compiled, ModelOnDevice(compiled.model, in_float64, **frictions))
     except NotImplementedError as error:
         raise Refused(f"MJX: {' '.join(str(error).split())}") from error
 
@@ -265,12 +231,10 @@ def read(request: Request) -> MjxFile:
 def load(file: ModelFile, joints: Sequence[str], in_float64: bool) -> MjxModel:
     """See ``harness.engines.Engine.load``."""
     mujoco.set_mju_user_warning(lambda message: None)
-    if not in_float64:
-        refuse_in_float32(file)
     model = mujoco.MjModel.from_xml_string(file.text)
     rub_and_limit_alone(model, joints, file.acting)
     driven = actuators_of(model, file.driven)
-    _still(model, driven)
+    still(model, driven)
     keep_what_is_on(model)
     try:
         return MjxModel(model, joints, in_float64, driven)

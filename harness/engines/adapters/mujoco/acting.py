@@ -13,24 +13,12 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.engines.adapters.mujoco.versions import inputs_of
-from harness.engines.interface import Unsupported
 from harness.engines.request import Held, SolverSettings
-from harness.files.model_file import ModelFile
 
 # Tags of a file by the names of MuJoCo's types of equality, where they are others.
 _TYPES = {"mimic": "joint"}
 _METHODS = {"Newton": mujoco.mjtSolver.mjSOL_NEWTON, "CG": mujoco.mjtSolver.mjSOL_CG, "PGS": mujoco.mjtSolver.mjSOL_PGS}
 _JACOBIANS = {"dense": mujoco.mjtJacobian.mjJAC_DENSE, "sparse": mujoco.mjtJacobian.mjJAC_SPARSE}
-
-
-def refuse_in_float32(file: ModelFile) -> None:
-    """Raises Unsupported for what no engine in float32 is asked with, which is asked at states that are rounded to it."""
-    if acting := [*file.acting, *(f"actuator {name}" for name in file.driven)]:
-        raise Unsupported(f"{acting[0]}: of states that are rounded to float32 another side of it may hold than of those in float64")
-    if file.constraints:
-        one = file.constraints[0]
-        why = "positions that are rounded to float32 do not close it, and off it there is no truth to judge by"
-        raise Unsupported(f"line {one.line}: {one.couples} constraint {one.name!r}: {why}")
 
 
 def let_act(model: Any, places: Mapping[str, Any], held: Held) -> None:

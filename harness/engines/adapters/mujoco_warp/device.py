@@ -17,28 +17,57 @@ import warp
 
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Unsupported
-from harness.engines.adapters.mujoco.acting import refuse_in_float32, rub_and_limit_alone
+from harness.engines.adapters.mujoco import robot
+from harness.engines.adapters.mujoco.acting import actuators_of, placed_controls, rub_and_limit_alone
 from harness.engines.adapters.mujoco.model import MujocoModel
+from harness.engines.adapters.mujoco.on_device import DeviceFile, in_blocks, still
 from harness.engines.adapters.mujoco.versions import fill_mass_matrix
+from harness.engines.request import Refused, Request
 from harness.files.model_file import ModelFile
 from harness.storage import cache_directory
 
 BLOCK = 64
 # Of ``Data``, all that a state has.
-GIVEN = ("qvel", "qfrc_applied", "qacc")
+GIVEN = ("qvel", "qfrc_applied", "ctrl", "act", "qacc", "qacc_warmstart")
 
 
-class WarpModel:
-    """An ``MjModel`` that the file compiles to, and the same in worlds of Warp.
+class ModelInWorlds:
+    """An ``MjModel`` in worlds of Warp.
 
     Raises:
         NotImplementedError: Warp has no such part of a model.
     """
 
-    def __init__(self, model: Any, joints: Sequence[str]) -> None:
-        self._compiled = MujocoModel(model, joints)
+    def __init__(self, model: Any) -> None:
         with warp.ScopedDevice("cpu"):
             self._model, self._data = mujoco_warp.put_model(model), mujoco_warp.make_data(model, nworld=BLOCK)
+
+    def accelerations(self, qpos: Array, qvel: Array, applied: Array, *driving: Array) -> Array:
+        """See ``harness.engines.adapters.mujoco.on_device``."""
+        given = dict(zip(("ctrl", "act"), driving, strict=False))
+        return self.answers(mujoco_warp.forward, "qacc", qpos=qpos, qvel=qvel, qfrc_applied=applied, **given)
+
+    def answers(self, compute: Callable[..., None], found: str, **given: Array) -> Array:
+        """An array of ``Data`` at each state, (n, its width), by a function of Warp; what is not given of ``GIVEN`` is zero."""
+        answers = []
+        for block in zip(*(in_blocks(values, BLOCK) for values in given.values()), strict=True):
+            with warp.ScopedDevice("cpu"):
+                # A solver that starts from the last answer would make this one depend on it.
+                for name in GIVEN:
+                    getattr(self._data, name).zero_()
+                for name, (values, _) in zip(given, block, strict=True):
+                    getattr(self._data, name).assign(values.astype(np.float32))
+                compute(self._model, self._data)
+                answers.append(getattr(self._data, found).numpy().astype(np.float64)[: block[0][1]])
+        return np.concatenate(answers)
+
+
+class WarpModel:
+    """An ``MjModel`` that the file compiles to, and the same in worlds of Warp; raises as ``ModelInWorlds``."""
+
+    def __init__(self, model: Any, joints: Sequence[str], driven: Sequence[int] = ()) -> None:
+        self.takes_driving = bool(driven)
+        self._compiled, self._worlds = MujocoModel(model, joints, driven=driven), ModelInWorlds(model)
 
     def loaded(self) -> LoadedModel:
         return self._compiled.loaded()
@@ -47,8 +76,18 @@ class WarpModel:
         """The ``MjModel``'s numbers, which are put into the worlds."""
         return self._compiled.held(positions, steps)
 
-    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
-        return self._answers(mujoco_warp.forward, "qacc", qpos=q, qvel=v, qfrc_applied=tau)[:, self._compiled.addresses[1]]
+    @property
+    def is_tied(self) -> bool:
+        """See ``harness.engines``."""
+        return self._compiled.is_tied
+
+    def gaps(self, q: Array) -> dict[str, Array]:
+        """See ``harness.engines``; by MuJoCo itself, from the same ``MjModel``."""
+        return self._compiled.gaps(q)
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
+        given = (placed_controls(self._compiled.model, self._compiled.driven, len(q), driving[0]),) if driving else ()
+        return self._worlds.accelerations(*self._compiled.own(q, v, tau), *given)[:, self._compiled.addresses[1]]
 
     def mass_matrix(self, q: Array) -> Array:
         """``Data.M``."""
@@ -72,22 +111,7 @@ class WarpModel:
         return self._answers(mujoco_warp.inverse, "qfrc_inverse", qpos=q, qvel=v, qacc=qdd)[:, self._compiled.addresses[1]]
 
     def _answers(self, compute: Callable[..., None], found: str, **given: Array) -> Array:
-        """An array of ``Data`` at each state, (n, its width), by a function of Warp; what is not given of ``GIVEN`` is zero."""
-        own = dict(zip(given, self._compiled.own(*given.values()), strict=True))
-        answers, states = [], len(own["qpos"])
-        for start in range(0, states, BLOCK):
-            block = {name: values[start : start + BLOCK] for name, values in own.items()}
-            count = len(block["qpos"])
-            with warp.ScopedDevice("cpu"):
-                for name in GIVEN:
-                    getattr(self._data, name).zero_()
-                for name, values in block.items():
-                    # A block that is not full repeats its first state, as zeros are no quaternion.
-                    full = np.concatenate([values, np.repeat(values[:1], BLOCK - count, axis=0)])
-                    getattr(self._data, name).assign(full.astype(np.float32))
-                compute(self._model, self._data)
-                answers.append(getattr(self._data, found).numpy().astype(np.float64)[:count])
-        return np.concatenate(answers)
+        return self._worlds.answers(compute, found, **dict(zip(given, self._compiled.own(*given.values()), strict=True)))
 
 
 def keep_compiled() -> None:
@@ -101,10 +125,25 @@ def load(file: ModelFile, joints: Sequence[str]) -> WarpModel:
     """See ``harness.engines.Engine.load``."""
     keep_compiled()
     mujoco.set_mju_user_warning(lambda message: None)
-    refuse_in_float32(file)
     model = mujoco.MjModel.from_xml_string(file.text)
     rub_and_limit_alone(model, joints, file.acting)
+    driven = actuators_of(model, file.driven)
+    still(model, driven)
     try:
-        return WarpModel(model, joints)
+        return WarpModel(model, joints, driven)
     except NotImplementedError as error:
         raise Unsupported(f"MuJoCo Warp: {error}") from error
+
+
+def read(request: Request) -> DeviceFile:
+    """A file that MuJoCo reads, in worlds of Warp; see ``harness.engines.Engine``."""
+    keep_compiled()
+    compiled = robot.read(request)
+    # Warp refuses the flag, and resets nothing.
+    compiled.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    if request.driven:
+        still(compiled.model, request.driven)
+    try:
+        return DeviceFile(compiled, ModelInWorlds(compiled.model))
+    except NotImplementedError as error:
+        raise Refused(f"MuJoCo Warp: {' '.join(str(error).split())}") from error

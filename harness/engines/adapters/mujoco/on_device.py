@@ -1,0 +1,64 @@
+"""A file that MuJoCo has read, in a program that computes with its ``MjModel`` elsewhere, as MuJoCo XLA and MuJoCo Warp do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import mujoco
+import numpy as np
+
+from harness.arrays import Array
+from harness.engines.adapters.mujoco.robot import MujocoFile
+from harness.engines.loaded_file import EngineRun, LoadedFile
+
+
+class OnDevice(Protocol):
+    """An ``MjModel`` there."""
+
+    def accelerations(self, qpos: Array, qvel: Array, applied: Array, *driving: Array) -> Array:
+        """(n, nv) at MuJoCo's own positions (n, nq), velocities and applied forces (n, nv); controls and activations where it drives."""
+        ...
+
+
+class DeviceFile(LoadedFile):
+    """A file that MuJoCo has read, on the device; conventions are MuJoCo's."""
+
+    def __init__(self, compiled: MujocoFile, on_device: OnDevice) -> None:
+        super().__init__(compiled.request, [joint.name for joint in compiled.found])
+        self._compiled, self._on_device, self.notes = compiled, on_device, compiled.notes
+
+    def driven_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
+        run = DeviceRun(self._compiled.prepare(q, v, tau, *driving), self._on_device)
+        run.compute()
+        return run.accelerations()
+
+    def prepare(self, q: Array, v: Array, tau: Array) -> DeviceRun:
+        return DeviceRun(self._compiled.prepare(q, v, tau), self._on_device)
+
+
+class DeviceRun(EngineRun):
+    """MuJoCo's run, computed on the device."""
+
+    def __init__(self, run: EngineRun, on_device: OnDevice) -> None:
+        super().__init__(run.loaded, run.own, run.evaluate, run.in_file)
+        self._on_device = on_device
+
+    def compute(self) -> None:
+        own = self.own if self.loaded.request.driven else self.own[:3]
+        self.found[:] = self._on_device.accelerations(*own)
+
+
+def still(model: Any, driven: Sequence[int]) -> None:
+    """Have all actuators but these give no force: no group of actuators is switched off there."""
+    off = [number for number in range(model.nu) if number not in driven]
+    model.actuator_gainprm[off], model.actuator_biasprm[off] = 0.0, 0.0
+    # Numbers alone: with another type XLA and Warp compile anew.
+    muscles = [number for number in off if model.actuator_gaintype[number] > int(mujoco.mjtGain.mjGAIN_AFFINE)]
+    model.actuator_gaintype[muscles], model.actuator_biastype[muscles] = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_NONE
+
+
+def in_blocks(values: Array, size: int) -> list[tuple[Array, int]]:
+    """Rows in blocks of one size, and how many of each are theirs; one that is not full repeats its first, as zeros are no quaternion."""
+    blocks = [values[start : start + size] for start in range(0, len(values), size)]
+    return [(np.concatenate([one, np.repeat(one[:1], size - len(one), axis=0)]), len(one)) for one in blocks]
