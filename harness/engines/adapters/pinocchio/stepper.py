@@ -25,7 +25,10 @@ _REMEDY = (
     f"use pin.{EXACT}ConstraintSolver with the four tolerances of its settings at 0 and max_iterations = {ITERATIONS}, "
     "and solve again from the impulses that it finds until they stay"
 )
-_WITH_CONES = f"; where bodies touch, pin.{EXACT_WITH_CONES}ConstraintSolver so, with admm_update_rule = pin.ADMMUpdateRule.CONSTANT"
+_WITH_CONES = (
+    f"; where bodies touch, pin.{EXACT_WITH_CONES}ConstraintSolver so, with admm_update_rule = pin.ADMMUpdateRule.CONSTANT "
+    "and no limits in the problem that the step does not reach"
+)
 
 
 class PinocchioStepper(PinocchioEngine):

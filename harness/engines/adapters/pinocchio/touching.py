@@ -91,7 +91,8 @@ class TouchingShapes:
         for own, result in zip(self._pairs, self._found.collisionResults, strict=True):
             for place in range(result.numContacts()):
                 contact = result.getContact(place)
-                if contact.penetration_depth < 0:
+                # Of some boxes coal has no point.
+                if contact.penetration_depth < 0 and math.isfinite(sum(contact.pos)):
                     yield self._one(contact, own)
 
     def _one(self, contact: Any, pair: _Pair) -> tuple[FoundContact, Any]:
