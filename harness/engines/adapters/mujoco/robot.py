@@ -147,20 +147,23 @@ def _aided(request: Request, aid: Aid) -> tuple[Any, list[str]]:
     spec.compiler.fusestatic = False
     own = {body.name: aid.inertias.get(body.name) for body in spec.bodies if body.name != "world"}
     principal = {name: _principal(inertia) for name, inertia in own.items()}
-    for name, (_, centre, _, axes) in principal.items():
+    for name in principal:
         body = spec.body(name)
-        # Any inertia that the compiler accepts; those of the file are written into the compiled model, where nothing is refused.
-        body.explicitinertial, body.mass, body.ipos, body.iquat = True, 1.0, centre, axes
+        # Any inertia that the compiler accepts; those of the file are written into the compiled model, where nothing is refused. With a
+        # frame apart from the body's, that does not rely on any other.
+        body.explicitinertial, body.mass, body.ipos, body.iquat = True, 1.0, [1.0] * 3, [0.5] * 4
         body.fullinertia, body.inertia = [math.nan, *[0.0] * 5], [1.0, 1.0, 1.0]
     _supply_springs(spec, request, aid)
     model = spec.compile()
-    for name, (mass, _, moments, _) in principal.items():
+    for name, (mass, centre, moments, axes) in principal.items():
         body = model.body(name)
-        body.mass[0], body.inertia[:] = mass, moments
+        body.mass[0], body.inertia[:], body.ipos[:], body.iquat[:] = mass, moments, centre, axes
     model.opt.gravity[:] = aid.gravity
     for asked, joint in _places(model, request.joints).items():
         model.dof_armature[joint.dofadr[0]] += aid.armature[next(one.velocities[0] for one in request.joints if one.name == asked)]
     mujoco.mj_setConst(model, mujoco.MjData(model))
+    # It takes a frame that is nearly the body's for that.
+    model.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     return model, []
 
 

@@ -6,9 +6,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 
-import numpy as np
-
-from harness.explain.changes.placements import ALIKE, frame_of
 from harness.explain.changes.readings import (
     _left_out,
     element_at,
@@ -18,9 +15,10 @@ from harness.explain.changes.readings import (
     with_inertias,
     with_joints,
 )
-from harness.files.given import Given, Pose, vector
+from harness.explain.changes.readings._inertial_frames import near_those_of_bodies, near_those_of_links
+from harness.files.given import Given, vector
 from harness.files.joint_kinds import JointKind
-from harness.files.tree import Body, Bounds, Coupling, Inertia, Joint, Solid, Spring, Tree
+from harness.files.tree import Body, Bounds, Coupling, Inertia, Joint, Spring, Tree
 from harness.trees.bodies.inertias import bounded
 from harness.trees.robot import Robot
 
@@ -30,7 +28,6 @@ _URDF_READER = "MuJoCo 4.0, xml/xml_urdf.cc"
 _OBJECTS = "MuJoCo 4.0, user/user_objects.cc"
 _ONE_EXTENSION = "MuJoCo documentation, Modeling, URDF extensions: its own element <mujoco> is the one extension that is read"
 _NOTHING = (Fraction(0),) * 6
-_UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
 # mjMINVAL.
 _LEAST = 1e-15
 
@@ -117,31 +114,6 @@ def _without_passive_forces(robot: Robot) -> Tree:
     springs = tuple(replace(one, stiffness=nothing, damping=nothing) for one in tree.springs if one.armature)
     couplings = tuple(replace(one, stiffness=nothing, damping=nothing) for one in tree.couplings if one.armature)
     return replace(tree, springs=springs, couplings=couplings)
-
-
-@law("inertial frames near those of bodies", "bodies", after=("centre of a massless body",), each=with_bodies)
-def _in_the_frame_of_the_body(body: Body) -> Body:
-    """The body whose mass is where its own frame is, or is turned as that, where both are nearly so.
-
-    Of several shapes, and of moments with products, the compiler makes a frame of its own.
-    """
-    parts: list[Inertia | Solid] = [*filter(None, [body.inertia]), *(solid for solid in body.solids if not solid.is_massless)]
-    if len(parts) != 1 or (isinstance(parts[0], Inertia) and any(parts[0].moments[3:])) or (isinstance(parts[0], Solid) and parts[0].ends):
-        return body
-    position, turn = frame_of(parts[0].pose)
-    apart = np.abs(np.abs(turn) - _UNTURNED).max()
-    if apart >= ALIKE:
-        return body
-    if np.abs(position).max() < ALIKE:
-        pose: Pose = ()
-    elif len(parts[0].pose) == 1:
-        pose = (replace(parts[0].pose[0], rotation=()),)
-    else:
-        return body
-    if not apart and (pose or not position.any()):
-        return body
-    own = replace(parts[0], pose=pose)
-    return replace(body, inertia=own, solids=()) if isinstance(own, Inertia) else replace(body, solids=(own,))
 
 
 @law("inertias of tendons across branches", "tendons")
@@ -239,24 +211,23 @@ MUJOCO = readings_of(
         },
     },
 )
+_NEAR = (
+    "MuJoCo replaces the inertial frame of a body by the body's own, or its rotation by that, if they differ by less than 1e-6",
+    "write the pose of the inertial as 0, or farther from it than 1e-6",
+    "MuJoCo 4.0, user/user_model.cc, CopyTree: body_sameframe, and kFrameEps of IsNullPose",
+)
 OF_PROGRAM = readings_of(
     "mujoco",
     {
         _MJCF: {
-            _in_the_frame_of_the_body: (
-                (
-                    "MuJoCo replaces the inertial frame of a body by the body's own, or its rotation by that, if they differ by less than "
-                    "1e-6"
-                ),
-                "write the pose of the inertial as 0, or farther from it than 1e-6",
-                "MuJoCo 4.0, user/user_model.cc, CopyTree: body_sameframe, and kFrameEps of IsNullPose",
-            ),
+            near_those_of_bodies: _NEAR,
             _along_branches: (
                 "MuJoCo leaves the inertia of a tendon out of the entries of M between joints on different branches",
                 "keep a tendon with armature on one branch",
                 "MuJoCo 4.0, engine/engine_core_smooth.c, mj_tendonArmature: to those entries of M that the tree makes nonzero",
             ),
         },
+        _URDF: {near_those_of_links: _NEAR},
     },
     is_misread=True,
     is_of_program=True,

@@ -6,7 +6,6 @@ A link that no joint moves is fused with its parent, from the root down in the o
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from harness.arrays import Array
 from harness.engines.request import BodyInertia
 from harness.engines.tree_request import frame_of
 from harness.explain.changes.readings import computed, law, matrix_of, moments_of, readings_of, with_bodies, with_inertias
+from harness.explain.changes.readings._fused import LEAST_MASS, carried, joined
 from harness.files.tree import WORLD, Body, Inertia, Tree
 from harness.trees.bodies.inertias import whole
 from harness.trees.robot import Robot
@@ -25,8 +25,6 @@ _LEAST_PRODUCT = _LEAST_TURN = 1e-12
 _PRODUCTS = ((0, 1), (0, 2), (1, 2))
 # Of the largest moment, what rounding leaves.
 _ROUNDED = 2.0**-48
-# mjMINVAL.
-_LEAST_MASS = 1e-15
 
 
 @law("rotation of an inertial origin", "links", supplied=True, each=with_bodies)
@@ -74,43 +72,18 @@ def _dropped(tree: Tree) -> dict[str, Array]:
     """The dropped part of the inertia of each moving link, with those fused with it, (3, 3) along the axes of the link [kg m^2]."""
     exact: dict[str, BodyInertia] = {}
     kept: dict[str, BodyInertia] = {}
-    carriers: dict[str, tuple[str, Array, Array]] = {}
-    for body in _from_the_root_down(tree, WORLD):
-        carrier, turn, origin = carriers.get(body.parent, (WORLD, np.eye(3), np.zeros(3)))
-        if body.joints:
-            carrier, turn, origin = body.name, np.eye(3), np.zeros(3)
-        else:
-            own_turn, own_origin = frame_of(body.pose)
-            turn, origin = turn @ own_turn, origin + turn @ own_origin
-        carriers[body.name] = carrier, turn, origin
+    for carrier, body, turn, origin in carried(tree):
         inertia = whole(body)
-        if carrier == WORLD or inertia is None or (not body.joints and float(inertia.mass) < _LEAST_MASS):
+        if carrier == WORLD or inertia is None or (not body.joints and float(inertia.mass) < LEAST_MASS):
             continue
         axes, centre = frame_of(inertia.pose)
         matrix = axes @ matrix_of(inertia) @ axes.T
         for found, of in ((exact, matrix), (kept, _along_found_axes(matrix))):
             one = BodyInertia(float(inertia.mass), origin + turn @ centre, turn @ of @ turn.T)
-            found[carrier] = one if carrier not in found else _joined(found[carrier], one)
+            found[carrier] = one if carrier not in found else joined(found[carrier], one)
         if not body.joints:
             kept[carrier] = replace(kept[carrier], matrix=_along_found_axes(kept[carrier].matrix))
     return {name: exact[name].matrix - kept[name].matrix for name in exact}
-
-
-def _from_the_root_down(tree: Tree, name: str) -> Iterator[Body]:
-    for body in tree.bodies:
-        if body.parent == name:
-            yield body
-            # A link may bear the name of the world, with which it is one.
-            yield from _from_the_root_down(tree, body.name) if body.name != WORLD else ()
-
-
-def _joined(one: BodyInertia, other: BodyInertia) -> BodyInertia:
-    """Two bodies as one, in the frame of both."""
-    mass = one.mass + other.mass
-    centre = (one.mass * one.centre + other.mass * other.centre) / mass
-    arms = [(part.mass, part.centre - centre) for part in (one, other)]
-    about = sum((weight * (arm @ arm * np.eye(3) - np.outer(arm, arm)) for weight, arm in arms), np.zeros((3, 3)))
-    return BodyInertia(mass, centre, one.matrix + other.matrix + about)
 
 
 def _along_found_axes(matrix: Array) -> Array:
