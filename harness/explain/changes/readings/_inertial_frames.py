@@ -100,7 +100,7 @@ def _with(body: Body, read: BodyInertia) -> Body:
 
 
 def _taken(own: BodyInertia) -> BodyInertia | None:
-    """What is made of an inertia along the axes of its body; None where that is the same but for rounding."""
+    """The inertia that is made of one along the axes of its body; None where that is the same but for rounding."""
     moments, axes = _principal(own.matrix)
     if np.abs(axes - axes.T).max() / 4 >= ALIKE or np.trace(axes) < 2:
         return None
