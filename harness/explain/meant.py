@@ -66,7 +66,8 @@ class Meant:
         """The same without a truth, at the states as an engine of this unit roundoff takes them; the very same at that of float64."""
         if unit_roundoff == self.unit_roundoff:
             return self
-        return replace(self, states=asked_at(self.states, unit_roundoff), certified=None, unit_roundoff=unit_roundoff)
+        states = asked_at(self.states, unit_roundoff, mechanism_of(self.robot).attitudes)
+        return replace(self, states=states, certified=None, unit_roundoff=unit_roundoff)
 
 
 def reference_of(robot: Robot, unit_roundoff: float = UNIT_ROUNDOFF) -> ReferenceKernel:

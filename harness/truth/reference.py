@@ -30,6 +30,7 @@ from harness.truth.balls import (
     forward_substitute,
 )
 from harness.truth.compare import CERTIFIED_RADIUS, DOUBLE_DOUBLE, MOST_DOUBT, SOUGHT_RADIUS, Certified, Flags, in_order
+from harness.truth.sampling import beside_half_turns
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits that are tried one after the other beyond double-double
 # Of what double-double may leave open: a thirty-thousandth of a data roundoff, of which a backward error shows a hundredth at most.
@@ -86,12 +87,15 @@ class Reference(Certified):
                 yield f"{found}; {CERTIFIED_RADIUS:.1e} is needed{reason}"
 
 
-def asked_at(states: States, unit_roundoff: float) -> States:
-    """The states as an engine takes them that computes in float64, or else in float32."""
+def asked_at(states: States, unit_roundoff: float, attitudes: Sequence[int] = ()) -> States:
+    """The states as an engine takes them that computes in float64, or else in float32; ``attitudes`` as of a ``Mechanism``."""
     if unit_roundoff == UNIT_ROUNDOFF:
         return states
-    given = ("q", "v", "tau", "control", "activation")
-    return replace(states, **{name: rounded(getattr(states, name), unit_roundoff) for name in given})
+    given = {name: rounded(getattr(states, name), unit_roundoff) for name in ("q", "v", "tau", "control", "activation")}
+    for order, place in enumerate(attitudes):
+        columns = slice(place + order, place + order + 4)
+        given["q"][:, columns] = beside_half_turns(given["q"][:, columns], unit_roundoff)
+    return replace(states, **given)
 
 
 def rounded(values: Array, unit_roundoff: float) -> Array:
@@ -167,7 +171,7 @@ class ReferenceKernel:
 
     def asked_at(self, states: States) -> States:
         """The states as an engine of this unit roundoff takes them."""
-        return asked_at(states, self.unit_roundoff)
+        return asked_at(states, self.unit_roundoff, self.mechanism.attitudes)
 
     def by_chart(self, states: States) -> Iterator[tuple[ChartKernel, Indices]]:
         """The charts in use, each with the indices of the states at which it is the most regular one; at least one chart."""

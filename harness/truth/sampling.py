@@ -16,6 +16,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.programs.mechanisms.mechanism import Mechanism
+from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.states import States
 from harness.storage import cache_directory, read_entry, write_entry
 from harness.version import version_of
@@ -266,14 +267,14 @@ def strategy(mechanism: Mechanism) -> SearchStrategy[States]:
     return st.tuples(configuration, st.tuples(*rates), st.tuples(*forces), times).map(lambda state: States.at(*state))
 
 
-def beside_half_turns(quaternions: Array) -> Array:
+def beside_half_turns(quaternions: Array, unit_roundoff: float = UNIT_ROUNDOFF) -> Array:
     """Unit quaternions (n, 4), with the other sign where a real part below rounding is negative.
 
     The rotation is the same, and the vector along its axis is on that side of half a turn to which its angle is rounded: a spring in a ball
     joint jumps there.
     """
     real = quaternions[:, :1]
-    return np.where((real < 0) & (real > -np.finfo(np.float64).eps), -quaternions, quaternions)
+    return np.where((real < 0) & (real > -2 * unit_roundoff), -quaternions, quaternions)
 
 
 def special_values(huge: Sequence[float] = ()) -> list[float]:

@@ -57,7 +57,7 @@ def test_one_task_per_system_and_part_and_what_is_timed_runs_alone() -> None:
     assert timed == [(name, "accelerations") for name in names] + [("chain", "growth"), ("chain", "growth of robots")] + [
         (name, "motion") for name in names
     ]
-    assert {task.affinity for task in stage.rounds[1]} == {"timed"} and {task.affinity for task in stage.rounds[2]} == {None}
+    assert {task.affinity for task in stage.rounds[1]} == {True} and {task.affinity for task in stage.rounds[2]} == {None}
     assert set(shared) == {
         *((name, part) for name in names for part in ("long runs", "stationary action")),
         ("cart_pendulum", "figures of the text"),

@@ -161,7 +161,7 @@ def test_the_program_of_an_issue_prints_what_its_text_says(path: Path, tmp_path:
     assert text.startswith("# ") and program and printed and printed[1] != printed[2]
     # That of an older version, or of an engine that is not beside the harness, cannot be run here.
     if not {f"Pinocchio {version('pin')}", f"MuJoCo {version('mujoco')}"} & set(re.findall(r"[A-Z]\w+ \d+\.\d+\.\d+", text)):
-        assert re.search(r"(Drake|Newton|PhysX|Pinocchio|MuJoCo|MJX|PyBullet) \d+\.\d+\.\d+, `", text)
+        assert re.search(r"(Drake|Newton|PhysX|Pinocchio|MuJoCo|Warp|MJX|PyBullet) \d+\.\d+\.\d+, `", text)
         return
     done = subprocess.run([sys.executable, "-c", program[1]], capture_output=True, text=True, cwd=tmp_path, check=True)
     assert done.stdout.splitlines()[-2:] == [f"computed {printed[1]}", f"expected {printed[2]}"]

@@ -58,7 +58,8 @@ def test_both_signs_of_a_quaternion_are_one_rotation_but_for_half_a_turn() -> No
     half = [float(one) for one in vector_of([0.0, 0.0, 1.0, 0.0])]
     assert half == [0.0, math.pi, 0.0]
     assert [float(one) for one in vector_of([0.0, 0.0, -1.0, 0.0])] == [-one for one in half]
-    # Of a real part below rounding the searches draw the sign that the program sees.
+    # Of a real part below rounding the searches draw the sign that the program sees, and in float32 more are.
+    assert beside_half_turns(np.array([[-1e-7, 0.0, 0.0, 1.0]]), 2.0**-24).tolist() == [[1e-7, 0.0, 0.0, -1.0]]
     assert beside_half_turns(np.array([[-1e-40, 0.0, 0.6, 0.8], [-0.6, 0.8, 0.0, 0.0]])).tolist() == [
         [1e-40, 0.0, -0.6, -0.8],
         [-0.6, 0.8, 0.0, 0.0],
