@@ -270,11 +270,11 @@ def strategy(mechanism: Mechanism) -> SearchStrategy[States]:
 def beside_half_turns(quaternions: Array, unit_roundoff: float = UNIT_ROUNDOFF) -> Array:
     """Unit quaternions (n, 4), with the other sign where a real part below rounding is negative.
 
-    The rotation is the same, and the vector along its axis is on that side of half a turn to which its angle is rounded: a spring in a ball
-    joint jumps there.
+    The rotation is the same, and the vector along its axis is on that side of half a turn to which its angle is rounded, with an arc
+    tangent that may be wrong by one unit in the last place: a spring in a ball joint jumps there.
     """
     real = quaternions[:, :1]
-    return np.where((real < 0) & (real > -2 * unit_roundoff), -quaternions, quaternions)
+    return np.where((real < 0) & (real > -4 * unit_roundoff), -quaternions, quaternions)
 
 
 def special_values(huge: Sequence[float] = ()) -> list[float]:

@@ -475,6 +475,17 @@ def test_mujoco_warp_is_judged_on_files_with_all_on(environment: Callable[[str],
 
 
 @pytest.mark.nightly
+@pytest.mark.parametrize("seed", [0, 1])
+def test_balls_beside_half_a_turn_are_asked_on_the_side_that_float32_sees(
+    seed: int, environment: Callable[[str], Path], tmp_path: Path
+) -> None:
+    """Their limit pushes back along an axis that turns round there; the sample has quaternions within 1e-7 of that."""
+    asked = ("--subject", "mujoco_warp/mjcf", "--quantity", ACCELERATIONS, "--states", "1000", "--seed", str(seed))
+    (record,) = found_by(environment("mujoco_warp"), tmp_path, "check", str(DRIVEN.with_name("rubbing.xml")), *asked)["records"]
+    assert record["verdict"] == "explained" and record["backward_error"] < AGREEMENT
+
+
+@pytest.mark.nightly
 def test_newton_loses_digits_of_a_body_far_from_the_origin_alone(
     environment: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -26,7 +26,7 @@ from harness.storage import Kept
 from harness.trees.mechanism import RobotMechanism
 from harness.truth.compare import Comparison, Flags, compare
 from harness.truth.quantities import ASKED_ELSEWHERE, Quantity, Truth, TruthBasis
-from harness.truth.reference import Reference, ReferenceKernel
+from harness.truth.reference import Reference, ReferenceKernel, asked_at
 from harness.verdict import AGREEMENT
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ class AccelerationTruth(Truth):
 
     def asks(self, model: Model, states: States) -> Calls:
         """See ``Truth``."""
-        return asked_accelerations(model, states)
+        return asked_accelerations(model, self._as_taken(states))
 
     def may_lose_digits(self, model: Model) -> bool:
         """True if the engine factorises M, or declares it of the model that it has loaded."""
@@ -175,7 +175,10 @@ class AccelerationTruth(Truth):
 
     def asks_all(self, model: Model, states: States) -> Calls:
         """See ``Truth``: what constraints leave open, too."""
-        return asked_accelerations_and_gaps(model, states)
+        return asked_accelerations_and_gaps(model, self._as_taken(states))
+
+    def _as_taken(self, states: States) -> States:
+        return asked_at(states, self.unit_roundoff, self.mechanism.attitudes)
 
     def judge_all(self, certified: Any, states: States, found: tuple[Array, Gaps], model: Model) -> Comparison:
         """See ``Truth``."""
