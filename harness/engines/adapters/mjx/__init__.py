@@ -13,11 +13,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from harness.engines import ConstraintLaw, Engine
+from harness.engines import ConstraintLaw, Engine, Unsupported
 from harness.engines.adapters.mujoco import law
 from harness.engines.moving import MotionsRequest, Moved, moved_as_they_stand
 from harness.engines.request import Ending, Request, SolverSettings
-from harness.files.equalities import Constraint
+from harness.files.equalities import Constraint, Meeting
 from harness.files.findings import EQUALITIES
 from harness.files.model_file import ModelFile
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 FLOAT32 = 2.0**-24
 # MJX leaves J' v out of them, which is declared as a departure of MJX in float64 alone: up to 3e4 data roundoffs from the optimum.
-WHY_NO_MEETING = "answers of float32 with points or frames that meet are not judged"
+_WHY_NO_MEETING = "answers of float32 with points or frames that meet are not judged"
 
 
 class MjxEngine(Engine):
@@ -55,7 +55,7 @@ class MjxEngine(Engine):
         self._in_float64 = in_float64
         if not in_float64:
             self.unit_roundoff, self.title = FLOAT32, "MJX in float32"
-            self.why_off = {EQUALITIES: WHY_NO_MEETING}
+            self.why_off = {EQUALITIES: _WHY_NO_MEETING}
 
     def read(self, request: Request) -> DeviceFile:
         from harness.engines.adapters.mjx.device import read
@@ -65,6 +65,8 @@ class MjxEngine(Engine):
     def load_model(self, file: ModelFile, joints: Sequence[str], gravity: float) -> MjxModel:
         from harness.engines.adapters.mjx.device import load
 
+        if not self._in_float64 and (meeting := next((one for one in file.constraints if isinstance(one.says, Meeting)), None)):
+            raise Unsupported(f"line {meeting.line}: {meeting.couples} constraint {meeting.name!r}: {_WHY_NO_MEETING}")
         return load(file, joints, self._in_float64)
 
     def moved(self, request: MotionsRequest) -> Moved:

@@ -25,14 +25,12 @@ from mujoco import mjx
 
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel, Unsupported
-from harness.engines.adapters.mjx import WHY_NO_MEETING
 from harness.engines.adapters.mujoco import robot
 from harness.engines.adapters.mujoco.acting import actuators_of, placed_controls, rub_and_limit_alone
 from harness.engines.adapters.mujoco.model import MujocoModel
 from harness.engines.adapters.mujoco.on_device import DeviceFile, in_blocks, still
 from harness.engines.adapters.mujoco.versions import keep_what_is_on
 from harness.engines.request import Refused, Request
-from harness.files.equalities import Meeting
 from harness.files.model_file import ModelFile
 from harness.storage import cache_directory
 
@@ -233,8 +231,6 @@ def read(request: Request, in_float64: bool) -> DeviceFile:
 def load(file: ModelFile, joints: Sequence[str], in_float64: bool) -> MjxModel:
     """See ``harness.engines.Engine.load``."""
     mujoco.set_mju_user_warning(lambda message: None)
-    if not in_float64 and (meeting := [one for one in file.constraints if isinstance(one.says, Meeting)]):
-        raise Unsupported(f"line {meeting[0].line}: {meeting[0].couples} constraint {meeting[0].name!r}: {WHY_NO_MEETING}")
     model = mujoco.MjModel.from_xml_string(file.text)
     rub_and_limit_alone(model, joints, file.acting)
     driven = actuators_of(model, file.driven)
