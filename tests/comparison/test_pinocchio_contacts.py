@@ -234,7 +234,10 @@ def test_the_solver_stops_early_and_agrees_where_it_goes_on() -> None:
 @pytest.mark.parametrize("name", [pytest.param(name, marks=() if name == "box_stack" else pytest.mark.ci) for name in TOUCHING])
 def test_mechanisms_that_touch_are_held(name: str) -> None:
     record = held_by(name)
-    assert record.explained and record.touching >= 8 and record.to_the_end is not None
+    # Of the balls of the cradle the outer ones alone may touch: a joint connects each with the next. The solver is soon done with one row.
+    is_cradle = name == "newtons_cradle"
+    assert record.explained and record.touching >= (5 if is_cradle else 8)
+    assert (record.verdict == "agrees") == is_cradle and (record.to_the_end is None) == is_cradle
 
 
 # Seeds of 48 states of each file: 10^4 states, of which most touch.

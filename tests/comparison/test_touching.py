@@ -92,16 +92,17 @@ def displaced(contacts: Sequence[Constraint], by: float) -> list[Constraint]:
 @pytest.mark.parametrize("cone", ["elliptic", pytest.param("pyramidal", marks=pytest.mark.ci)])
 def test_states_whose_contacts_are_alike_are_as_each_alone(cone: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They share one program, and each has its own points and distances in it."""
-    judged: list[tuple[touching.Touching, States, Callable[[Sequence[Constraint]], Mechanism]]] = []
+    judged: list[tuple[touching.Touching, States, Callable[[Sequence[Constraint]], Mechanism], Any]] = []
     truth = touching.Touching.truth
 
     def noted(self: touching.Touching, *given: Any) -> Reference:
-        judged.append((self, *given))
+        states, documented, *kernel = given
+        judged.append((self, states, documented, kernel))
         return truth(self, *given)
 
     monkeypatch.setattr(touching.Touching, "truth", noted)
     held_by(written(tmp_path, cone))
-    (found, states, documented), *_ = judged
+    (found, states, documented, _), *_ = judged
     kinds = list({structure_of(own): own for own in found.contacts if own}.values())[:2]
     assert len(kinds) == 2
     contacts = [*(displaced(own, 0.01 * number) for number in range(3) for own in kinds), (), ()]
