@@ -171,7 +171,7 @@ class AccelerationTruth(Truth):
 
         An answer is unstable too where the links of a user's file are too far from one another for what its engine documents.
         """
-        return self._judge(certified, states, answers, gaps_of(model, states), model)
+        return self._judge(certified, states, answers, gaps_of(model, self._as_taken(states)), model)
 
     def asks_all(self, model: Model, states: States) -> Calls:
         """See ``Truth``: what constraints leave open, too."""
@@ -185,11 +185,13 @@ class AccelerationTruth(Truth):
         return self._judge(certified, states, *found, model)
 
     def _judge(self, certified: Any, states: States, answers: Array, gaps: Gaps, model: Model) -> Comparison:
+        states = self._as_taken(states)
         found = compare(beside_gaps(certified, self._own, states, gaps), np.hstack([answers, *gaps.values()]), self.may_lose_digits(model))
         return found if self.far_links is None else self.far_links.excused(found, certified, states, answers)
 
     def describe(self, certified: Any, states: States, answers: Array, model: Model) -> str:
         """See ``Truth``: the constraint that is open by more than data explain, where one is."""
+        states = self._as_taken(states)
         return remark_on(self._own, states, gaps_of(model, states))
 
     @property
