@@ -17,7 +17,7 @@ from harness.engines.tree_request import frame_of as tree_frame
 from harness.explain.changes.placements import ALIKE, frame_of
 from harness.explain.changes.readings import computed, element_at, law, matrix_of, moments_of, with_bodies
 from harness.explain.changes.readings._fused import LEAST_MASS, carried, joined
-from harness.files.given import Given, Placement, Pose
+from harness.files.given import Given, Placement, Pose, vector
 from harness.files.tree import WORLD, Body, Inertia, Solid, Tree
 from harness.trees.bodies.inertias import whole
 from harness.trees.robot import Robot
@@ -96,7 +96,7 @@ def _with(body: Body, read: BodyInertia) -> Body:
     numbers = {"mass": [read.mass], "centre": read.centre.tolist(), "moments": moments_of(read.matrix)}
     found = {what: tuple(computed(value, body, what, place) for place, value in enumerate(values)) for what, values in numbers.items()}
     place = body.place if body.inertia is None else body.inertia.place
-    return replace(body, inertia=Inertia((Placement(found["centre"]),), found["mass"][0], found["moments"], place), solids=())
+    return replace(body, inertia=Inertia((Placement(vector(found["centre"])),), found["mass"][0], found["moments"], place), solids=())
 
 
 def _taken(own: BodyInertia) -> BodyInertia | None:
