@@ -13,7 +13,7 @@ Source: JAX documentation, ``jax.enable_x64`` and ``jax.jacfwd``.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -24,11 +24,11 @@ import numpy as np
 from mujoco import mjx
 
 from harness.arrays import Array
-from harness.engines import HeldModel, LoadedModel, Unsupported
+from harness.engines import Unsupported
 from harness.engines.adapters.mujoco import robot
-from harness.engines.adapters.mujoco.acting import actuators_of, placed_controls, rub_and_limit_alone
+from harness.engines.adapters.mujoco.acting import actuators_of, rub_and_limit_alone
 from harness.engines.adapters.mujoco.model import MujocoModel
-from harness.engines.adapters.mujoco.on_device import DeviceFile, in_blocks, still
+from harness.engines.adapters.mujoco.on_device import DeviceFile, DeviceModel, in_blocks, still
 from harness.engines.adapters.mujoco.versions import keep_what_is_on
 from harness.engines.request import Refused, Request
 from harness.files.model_file import ModelFile
@@ -132,32 +132,11 @@ class ModelOnDevice:
         return np.concatenate(answers)
 
 
-class MjxModel:
-    """An ``MjModel`` that the file compiles to, and the same on the device."""
+class MjxModel(DeviceModel[ModelOnDevice]):
+    """A mechanism's ``MjModel`` on the device; raises as ``ModelOnDevice``."""
 
     def __init__(self, model: Any, joints: Sequence[str], in_float64: bool, driven: Sequence[int] = ()) -> None:
-        self.takes_driving = bool(driven)
-        self._compiled, self._on_device = MujocoModel(model, joints, driven=driven), ModelOnDevice(model, in_float64)
-
-    def loaded(self) -> LoadedModel:
-        return self._compiled.loaded()
-
-    def held(self, positions: Mapping[str, float] | None = None, steps: Mapping[str, Sequence[float]] | None = None) -> HeldModel:
-        """The ``MjModel``'s numbers, which are put on the device."""
-        return self._compiled.held(positions, steps)
-
-    @property
-    def is_tied(self) -> bool:
-        """See ``harness.engines``."""
-        return self._compiled.is_tied
-
-    def gaps(self, q: Array) -> dict[str, Array]:
-        """See ``harness.engines``; by MuJoCo itself, from the same ``MjModel``."""
-        return self._compiled.gaps(q)
-
-    def forward_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
-        given = (placed_controls(self._compiled.model, self._compiled.driven, len(q), driving[0]), np.empty((len(q), 0))) if driving else ()
-        return self._on_device.accelerations(*self._compiled.own(q, v, tau), *given)[:, self._compiled.addresses[1]]
+        super().__init__(MujocoModel(model, joints, driven=driven), ModelOnDevice(model, in_float64))
 
     def forward_dynamics_derivatives(self, q: Array, v: Array, tau: Array) -> Array:
         """See ``harness.engines.interface``."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Protocol
+from collections.abc import Mapping, Sequence
+from typing import Any, Generic, Protocol, TypeVar
 
 import mujoco
 import numpy as np
 
 from harness.arrays import Array
+from harness.engines import HeldModel, LoadedModel
+from harness.engines.adapters.mujoco.acting import placed_controls
+from harness.engines.adapters.mujoco.model import MujocoModel
 from harness.engines.adapters.mujoco.robot import MujocoFile
 from harness.engines.loaded_file import EngineRun, LoadedFile
 
@@ -19,6 +22,36 @@ class OnDevice(Protocol):
     def accelerations(self, qpos: Array, qvel: Array, applied: Array, *driving: Array) -> Array:
         """(n, nv) at MuJoCo's own positions (n, nq), velocities and applied forces (n, nv); controls and activations where it drives."""
         ...
+
+
+_Device = TypeVar("_Device", bound=OnDevice)
+
+
+class DeviceModel(Generic[_Device]):
+    """The ``MjModel`` that the file of a mechanism compiles to, and the same on the device."""
+
+    def __init__(self, compiled: MujocoModel, on_device: _Device) -> None:
+        self.takes_driving, self._compiled, self._on_device = bool(compiled.driven), compiled, on_device
+
+    def loaded(self) -> LoadedModel:
+        return self._compiled.loaded()
+
+    def held(self, positions: Mapping[str, float] | None = None, steps: Mapping[str, Sequence[float]] | None = None) -> HeldModel:
+        """The ``MjModel``'s numbers, which are put on the device."""
+        return self._compiled.held(positions, steps)
+
+    @property
+    def is_tied(self) -> bool:
+        """See ``harness.engines``."""
+        return self._compiled.is_tied
+
+    def gaps(self, q: Array) -> dict[str, Array]:
+        """See ``harness.engines``; by MuJoCo itself, from the same ``MjModel``."""
+        return self._compiled.gaps(q)
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
+        given = (placed_controls(self._compiled.model, self._compiled.driven, len(q), driving[0]), np.empty((len(q), 0))) if driving else ()
+        return self._on_device.accelerations(*self._compiled.own(q, v, tau), *given)[:, self._compiled.addresses[1]]
 
 
 class DeviceFile(LoadedFile):

@@ -7,7 +7,7 @@ of a model and are kept in the harness's cache; on a terminal Warp says which it
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import mujoco
@@ -16,11 +16,11 @@ import numpy as np
 import warp
 
 from harness.arrays import Array
-from harness.engines import HeldModel, LoadedModel, Unsupported
+from harness.engines import Unsupported
 from harness.engines.adapters.mujoco import robot
-from harness.engines.adapters.mujoco.acting import actuators_of, placed_controls, rub_and_limit_alone
+from harness.engines.adapters.mujoco.acting import actuators_of, rub_and_limit_alone
 from harness.engines.adapters.mujoco.model import MujocoModel
-from harness.engines.adapters.mujoco.on_device import DeviceFile, in_blocks, still
+from harness.engines.adapters.mujoco.on_device import DeviceFile, DeviceModel, in_blocks, still
 from harness.engines.adapters.mujoco.versions import fill_mass_matrix
 from harness.engines.request import Refused, Request
 from harness.files.model_file import ModelFile
@@ -62,32 +62,11 @@ class ModelInWorlds:
         return np.concatenate(answers)
 
 
-class WarpModel:
-    """An ``MjModel`` that the file compiles to, and the same in worlds of Warp; raises as ``ModelInWorlds``."""
+class WarpModel(DeviceModel[ModelInWorlds]):
+    """A mechanism's ``MjModel`` in worlds of Warp; raises as ``ModelInWorlds``."""
 
     def __init__(self, model: Any, joints: Sequence[str], driven: Sequence[int] = ()) -> None:
-        self.takes_driving = bool(driven)
-        self._compiled, self._worlds = MujocoModel(model, joints, driven=driven), ModelInWorlds(model)
-
-    def loaded(self) -> LoadedModel:
-        return self._compiled.loaded()
-
-    def held(self, positions: Mapping[str, float] | None = None, steps: Mapping[str, Sequence[float]] | None = None) -> HeldModel:
-        """The ``MjModel``'s numbers, which are put into the worlds."""
-        return self._compiled.held(positions, steps)
-
-    @property
-    def is_tied(self) -> bool:
-        """See ``harness.engines``."""
-        return self._compiled.is_tied
-
-    def gaps(self, q: Array) -> dict[str, Array]:
-        """See ``harness.engines``; by MuJoCo itself, from the same ``MjModel``."""
-        return self._compiled.gaps(q)
-
-    def forward_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
-        given = (placed_controls(self._compiled.model, self._compiled.driven, len(q), driving[0]),) if driving else ()
-        return self._worlds.accelerations(*self._compiled.own(q, v, tau), *given)[:, self._compiled.addresses[1]]
+        super().__init__(MujocoModel(model, joints, driven=driven), ModelInWorlds(model))
 
     def mass_matrix(self, q: Array) -> Array:
         """``Data.M``."""
@@ -111,7 +90,7 @@ class WarpModel:
         return self._answers(mujoco_warp.inverse, "qfrc_inverse", qpos=q, qvel=v, qacc=qdd)[:, self._compiled.addresses[1]]
 
     def _answers(self, compute: Callable[..., None], found: str, **given: Array) -> Array:
-        return self._worlds.answers(compute, found, **dict(zip(given, self._compiled.own(*given.values()), strict=True)))
+        return self._on_device.answers(compute, found, **dict(zip(given, self._compiled.own(*given.values()), strict=True)))
 
 
 def keep_compiled() -> None:

@@ -69,7 +69,8 @@ class TouchingShapes:
         self._found = pinocchio.GeometryData(self._shapes)
         for asked in self._found.collisionRequests:
             asked.num_max_contacts, asked.enable_contact = _MOST, True
-        self._pairs = [self._pair(pair, _coefficients(root)) for pair in self._shapes.collisionPairs]
+        coefficients = _coefficients(root)
+        self._pairs = [self._pair(pair, coefficients) for pair in self._shapes.collisionPairs]
 
     def _are_neighbours(self, pair: Any) -> bool:
         own, other = (self._shapes.geometryObjects[number].parentJoint for number in (pair.first, pair.second))
