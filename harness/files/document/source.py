@@ -189,6 +189,11 @@ class Source:
             self._places[element] = Place(document.path, line, number, literal_tag(element))
         return document.root
 
+    @property
+    def included(self) -> tuple[Path, ...]:
+        """The files that it includes."""
+        return tuple(self._included_by)
+
     def add_copy(self, original: etree._Element, copy: etree._Element) -> None:
         """Give the elements of a copy the places of the original."""
         for one, other in zip(original.iter("*"), copy.iter("*"), strict=True):

@@ -110,10 +110,16 @@ class UsdDocument(Document):
 
     Attributes:
         prims: parents before their children. layer: metadata of the stage, as "metersPerUnit", with the place of each.
+        layers: the files that it is composed of.
     """
 
     prims: tuple[Prim, ...] = ()
     layer: Mapping[str, Property] = field(default_factory=dict)
+    layers: tuple[Path, ...] = ()
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        return (self.path, *self.layers)
 
 
 def read_stage(path: Path) -> UsdDocument:
@@ -247,7 +253,8 @@ class _Reader:
             prims.append(one)
             element = etree.SubElement(root, "prim", name=one.path, schemas=" ".join(one.schemas))
             elements[element] = one.place.line
-        return UsdDocument(self._path, "", root, elements, prims=tuple(prims), layer=self._metadata())
+        layers = tuple(Path(layer.realPath) for layer in self._stage.GetUsedLayers() if layer.realPath)
+        return UsdDocument(self._path, "", root, elements, prims=tuple(prims), layer=self._metadata(), layers=layers)
 
     def _prim(self, prim: Any, path: str, number: int) -> Prim:
         specs = [spec for spec in prim.GetPrimStack() if str(spec.specifier) == "Sdf.SpecifierDef"] or prim.GetPrimStack()

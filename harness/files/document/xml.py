@@ -61,6 +61,11 @@ class Document:
     lines: Mapping[etree._Element, int]
     comments: tuple[tuple[int, str], ...] = ()
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that it is read from; those that an MJCF includes are documents of their own."""
+        return (self.path,)
+
     def refuse(self, element: etree._Element, problem: str) -> NoReturn:
         """Raises InvalidModel at the line of ``element``."""
         raise InvalidModel(self.path, self.lines[element], problem)

@@ -8,12 +8,10 @@ share. Nothing an engine answers enters a tree.
 
 from __future__ import annotations
 
-import functools
 import graphlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,9 +20,8 @@ from packaging.specifiers import SpecifierSet
 
 from harness.arrays import Array
 from harness.environments import NEWEST, split_name
-from harness.files.document.source import Source, read_any
 from harness.files.given import Given, Place, Pose
-from harness.files.mjcf.reading import put_included
+from harness.files.kept_document import kept_document
 from harness.files.tree import WORLD, Body, Inertia, Joint, Solid, Tree
 from harness.registry import declared
 from harness.results.readings import page_of
@@ -245,18 +242,7 @@ def element_at(place: Place | None) -> etree._Element | None:
 
     Included files are in the place of what includes them: their options are the file's.
     """
-    if place is None:
-        return None
-    return _elements(place.path)[place.element]
-
-
-@functools.lru_cache(maxsize=4)
-def _elements(path: Path) -> list[etree._Element]:
-    document = read_any(path, "a model")
-    elements = list(document.lines)
-    if next(document.root.iter("include"), None) is not None:
-        put_included(Source(document))
-    return elements
+    return None if place is None else kept_document(place.path).elements[place.element]
 
 
 def changed_parts(before: Tree, after: Tree) -> dict[tuple[str, ...], list[Place]]:

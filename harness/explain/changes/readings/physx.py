@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from fractions import Fraction
-from functools import lru_cache
 from pathlib import Path
 
 from harness.explain.changes.readings import (
@@ -16,10 +15,10 @@ from harness.explain.changes.readings import (
     with_bodies,
     with_inertias,
 )
-from harness.files.document.source import read_any
 from harness.files.document.stage import UsdDocument
 from harness.files.given import Given, vector
 from harness.files.joint_kinds import JointKind
+from harness.files.kept_document import kept_document
 from harness.files.tree import WORLD, Body, Inertia, Joint, Tree
 from harness.files.usd import ROOTS
 from harness.files.usd.reading import meaning_of_stage
@@ -99,9 +98,8 @@ def _defaulted(robot: Robot) -> Tree:
     return robot.tree if [*map(float, robot.tree.gravity)] == [*map(float, gravity)] else replace(robot.tree, gravity=vector(gravity))
 
 
-@lru_cache(maxsize=4)
 def _stage(path: Path) -> UsdDocument:
-    document = read_any(path, "a robot")
+    document = kept_document(path).document
     assert isinstance(document, UsdDocument)
     return document
 
