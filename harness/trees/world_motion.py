@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from harness.files.given import Pose
 from harness.files.tree import WORLD, Tree
-from harness.programs.terms import Matrix, Term, Vector, cross, length
+from harness.programs.terms import Matrix, Term, Vector, cross, length, vector
 from harness.trees.bodies.rigid import Lump, Spatial, spatial
 from harness.trees.bodies.spatial import Frame, placed
 from harness.trees.nodes import Kinematics, Node
@@ -226,6 +226,22 @@ def parts_of_motion(world: World, accelerations: Sequence[Term]) -> Parts:
             parts.append(spatial(lump.moments @ spin, world.still))
             parts.append(spatial(cross(one.spin, lump.moments @ one.spin), world.still))
         found.append(parts)
+    return found
+
+
+def cancelling_in_motion(world: World, parts: Parts) -> Parts:
+    """Vectors as long as what cancels in wrenches of motion: these, and a moment of twice the kinetic energy of each lump.
+
+    v x (m v) is 0 in exact numbers alone, as is what the spin has of it, where momenta are taken about the world's origin.
+    """
+    found, nothing = [], world.kinematics.builder.zero
+    for one, own in zip(world.moving, parts, strict=True):
+        velocities = [one.velocity_at(lump.centre) for lump in one.lumps]
+        twice = [
+            lump.mass * (velocity @ velocity) + length(one.spin) * length(lump.moments @ one.spin)
+            for lump, velocity in zip(one.lumps, velocities, strict=True)
+        ]
+        found.append([*own, *(spatial(vector([energy, nothing, nothing]), world.still) for energy in twice)])
     return found
 
 

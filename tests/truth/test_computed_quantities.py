@@ -149,6 +149,21 @@ def test_what_floats_freely_keeps_its_momentum_but_for_its_weight() -> None:
     np.testing.assert_allclose(rates[:, 2], 0.0, atol=1e-6 * np.abs(own.evaluate(still).high[:, 2]).max())
 
 
+@pytest.mark.parametrize(("times", "verdict"), [(8, "agrees"), (1e4, "disagrees")])
+@pytest.mark.parametrize("quantity", ["bias", "inverse_dynamics"])
+def test_what_cancels_in_momenta_about_the_origin_of_the_world_is_granted(quantity: str, times: float, verdict: str) -> None:
+    """A ball that is nearly on the axis of its beam has no moment about it, and v x (m v) is 0 in exact numbers alone."""
+    own = truth("ball_and_beam", quantity)
+    pivot = (joints := load_mechanism(BUILT_IN, "ball_and_beam").joints).index("pivot")
+    q, v, still = {"slide": 2.0**-16, "pivot": -1.375}, {"slide": -1.125, "pivot": -3.125}, [[0.0, 0.0]]
+    certified = own.evaluate(States.at([[q[joint] for joint in joints]], [[v[joint] for joint in joints]], still))
+    twice_the_energy = 0.5 * 1.125**2
+    answers = certified.high.copy()
+    answers[0, pivot] += times * UNIT_ROUNDOFF * twice_the_energy
+    judged = compare(certified, answers)
+    assert judged.verdicts.tolist() == [verdict] and judged.granted.tolist() == [verdict == "agrees"]
+
+
 class Spoiled:
     """A model after a mistake in what one method returns."""
 

@@ -28,6 +28,7 @@ from harness.trees.world_motion import (
     Parts,
     World,
     accelerations_of_nodes,
+    cancelling_in_motion,
     parts_of_motion,
     root,
     size_of_wrench,
@@ -54,7 +55,7 @@ def inverse_dynamics(motion: TreeMotion) -> Iterator[Block]:
     parts = parts_of_motion(motion, nodes.coordinates.third)
     for number, pull in enumerate(motion.pulls()):
         parts[number].append(-pull)
-    values, sizes = generalised(motion, range(len(motion.moving)), parts, parts)
+    values, sizes = generalised(motion, range(len(motion.moving)), parts, cancelling_in_motion(motion, parts))
     of_joints = forces_of_joints(nodes)
     for own in nodes.reflected():
         felt = motion.size_of_rate(own, nodes.coordinates.third)
@@ -82,19 +83,20 @@ def bias(motion: TreeMotion) -> Iterator[Block]:
     """Velocity terms and gravity: what inverse dynamics without springs, dampers and accelerations ask for."""
     still = motion.kinematics.builder.zeros(motion.kinematics.nv)
     further, sizes = of_reflected_inertias(motion.kinematics), _sizes_of_reflected_inertias(motion)
-    return _forces_of(motion, parts_of_motion(motion, still), "bias force", further, sizes)
+    parts = parts_of_motion(motion, still)
+    return _forces_of(motion, parts, cancelling_in_motion(motion, parts), "bias force", (further, sizes))
 
 
 def gravity(motion: TreeMotion) -> Iterator[Block]:
     """Forces that hold the tree at rest against its weight."""
     nothing = motion.kinematics.builder.zeros(motion.kinematics.nv)
-    return _forces_of(motion, weights(motion), "gravity force", nothing, nothing)
+    return _forces_of(motion, weights(motion), weights(motion), "gravity force", (nothing, nothing))
 
 
-def _forces_of(motion: TreeMotion, parts: Parts, kind: str, further: Vector, sizes_of_further: Vector) -> Iterator[Block]:
-    """Those of ``parts``, and ``further`` ones."""
-    values, sizes = generalised(motion, range(len(motion.moving)), parts, parts)
-    for name, value, size, more, other in zip(motion.columns, values, sizes, further, sizes_of_further, strict=True):
+def _forces_of(motion: TreeMotion, parts: Parts, cancelling: Parts, kind: str, further: tuple[Vector, Vector]) -> Iterator[Block]:
+    """Those of ``parts``, in which ``cancelling`` ones cancel, and ``further`` ones with their sizes."""
+    values, sizes = generalised(motion, range(len(motion.moving)), parts, cancelling)
+    for name, value, size, more, other in zip(motion.columns, values, sizes, *further, strict=True):
         yield Block(f"{kind} on {name}", (value + more,), size + (size_of(more) + other))
 
 
@@ -207,10 +209,11 @@ def reactions(
     of_points: World = motion if points_of is None else motion.of_other(points_of)
     points, numbers = of_points.points, {node.joint.name: number for number, node in enumerate(nodes.nodes)}
     blocks: dict[str, list[Block]] = {"force": [], "moment": []}
+    cancelling = cancelling_in_motion(motion, parts)
     for name in transmitting_joints(nodes.tree):
         number, point = numbers[name], points[name]
         moment, force = wrench(motion, parts, number, point)
-        size_of_moment, size_of_force = size_of_wrench(motion, parts, number, point, root(motion, number, of_points.kinematics))
+        size_of_moment, size_of_force = size_of_wrench(motion, cancelling, number, point, root(motion, number, of_points.kinematics))
         blocks["force"].append(Block(f"force of joint {name!r}", force, size_of_force))
         blocks["moment"].append(Block(f"moment of joint {name!r}", moment, size_of_moment))
     yield from (*blocks["force"], *blocks["moment"])
