@@ -112,6 +112,7 @@ def test_a_system_file_that_leaves_other_rounding_behind_is_refused(tmp_path: Pa
     assert {one["verdict"] for one in records_of(records) if one["system"] == "spring_damper"} == {"agrees"}
 
 
+@pytest.mark.ci
 def test_who_wraps_angles_in_place_changes_no_input_of_another(tmp_path: Path) -> None:
     planted = engine(at_call="np.remainder(q, 2 * np.pi, out=q); v[:] = 1e9; tau[:] = -1e9")
     verdicts, _ = checked(tmp_path, {"aaa": planted})

@@ -61,6 +61,7 @@ def _kinds(name: str, model_format: str) -> set[JointKind]:
     return {joint.kind for joint in robot.tree.joints}
 
 
+@pytest.mark.ci
 def test_every_quantity_is_one_of_a_representative_system_or_robot() -> None:
     systems = [_basis_of_system(name) for name in REPRESENTATIVE if BUILT_IN.has_model(name, "mjcf")]
     robots = [TruthBasis(mechanism_of(read_robot(path)), None, None, False) for path in REPRESENTATIVE_ROBOTS if path.suffix == ".xml"]

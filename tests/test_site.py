@@ -75,6 +75,7 @@ def test_no_example_is_left_over() -> None:
     assert max(len(path.read_text().splitlines()) for path in used) <= 11
 
 
+@pytest.mark.ci
 def test_every_finding_has_a_page_and_pages_have_different_names() -> None:
     made = findings.pages()
     assert {f"findings/{page}.md" for page in PAGES} < made.files.keys()

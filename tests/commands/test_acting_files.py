@@ -38,6 +38,7 @@ def checked(folder: Path, name: str, *words: str) -> tuple[Done, dict[str, Any]]
     return done, {one["subject"]: one for one in json.loads((folder / "found.json").read_text())["records"]}
 
 
+@pytest.mark.ci
 def test_who_applies_none_of_what_is_on_is_said_first(folder: Path) -> None:
     done, records = checked(folder, "arm.urdf", "--states", "40")
     assert done.returncode == 0, done.stdout
@@ -67,6 +68,7 @@ def test_a_state_that_is_named_is_asked_as_it_is(folder: Path) -> None:
     assert records["mujoco/mjcf"]["verdict"] == "undecided", "half an ulp decides whether the limit is there"
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("attribute", "said"),
     [("dof_frictionloss", "frictionloss = 0.125"), ("jnt_range", "range [1] = 0.5"), ("dof_damping", "damping =")],

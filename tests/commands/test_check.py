@@ -104,6 +104,7 @@ def test_the_same_seed_gives_the_same_states(tmp_path: Path) -> None:
     assert errors[0] == errors[1] != errors[2]
 
 
+@pytest.mark.ci
 def test_a_wrong_model_is_exit_status_1_with_a_replay_that_shows_it(tmp_path: Path) -> None:
     model = tmp_path / "stiffer.xml"
     shutil.copy(Library.built_in().model_path("cart_pendulum", "mjcf"), model)
@@ -151,6 +152,7 @@ def test_an_expected_verdict_is_exit_status_0_until_it_no_longer_holds(library: 
     assert "bar_pendlum" in done.stderr and "did you mean 'bar_pendulum'" in done.stderr
 
 
+@pytest.mark.ci
 def test_a_cluster_that_is_not_there_is_exit_status_2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("harness.workers.cluster.CONNECT_SECONDS", 1.0)
     done = harness("check", "--scheduler", "tcp://127.0.0.1:9", "collar", cwd=tmp_path, isolated=True)

@@ -123,6 +123,7 @@ def test_costs_carry_their_spread_and_the_load(reported: Path) -> None:
     assert re.search(r"^times: .* worker processes \d+, cpus \d+, load \d+\.\d\d at the start", done.stdout, re.MULTILINE)
 
 
+@pytest.mark.ci
 def test_the_terminal_shows_both_states_with_their_numbers(reported: Path) -> None:
     (reported.parent / "expected_verdicts.toml").unlink()
     done = harness("check", "bar_pendulum", "--library", str(reported.parent), "--subject", "mujoco/mjcf", cwd=reported)

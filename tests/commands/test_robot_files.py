@@ -113,6 +113,7 @@ def test_an_engine_is_judged_as_its_user_calls_it_and_its_readings_are_named(fol
     assert all(one["backward_error"] < 64 for one in records.values()), "what the readings leave"
 
 
+@pytest.mark.ci
 def test_a_plain_engine_that_its_readings_do_not_explain_is_red(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # A process keeps what it has read of a file of this name.
     (folder / "arm.urdf").rename(folder / "unexplained.urdf")
@@ -149,6 +150,7 @@ def test_an_engine_that_is_wrong_is_red_with_the_number_it_is_wrong_by(folder: P
     assert again.returncode == 1 and rows(again).keys() == {"pinocchio/urdf"}
 
 
+@pytest.mark.ci
 def test_what_a_folder_expects_of_a_robot_holds(folder: Path, undamped: None) -> None:
     expected = folder / "expected_verdicts.toml"
     expected.write_text(expected_entry("arm.urdf", "pinocchio/urdf", "disagrees", 1e30))
@@ -191,6 +193,7 @@ def test_a_suspected_file_has_its_line_named(folder: Path) -> None:
         assert chosen.returncode == 2 and option in chosen.stderr
 
 
+@pytest.mark.ci
 def test_a_search_stores_hard_states_beside_the_file_and_a_check_takes_them(folder: Path, undamped: None) -> None:
     done = harness("search", "arm.urdf", "--aided", "--subject", "pinocchio/urdf", "--budget", "40", cwd=folder)
     assert done.returncode == 1 and "stored in hard_states/arm.urdf.json" in done.stdout
@@ -428,6 +431,7 @@ def test_the_actuators_of_a_file_act_and_a_replay_gives_their_controls(folder: P
     assert refused.returncode == 2 and "--state has 1 numbers for control" in refused.stderr
 
 
+@pytest.mark.ci
 def test_a_gain_that_an_engine_holds_otherwise_is_red_and_named(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drive = adapter.drive
 

@@ -54,6 +54,7 @@ def compared(path: Path, *subjects: str) -> dict[tuple[str, str], SubjectRecord]
     return {(one.subject, one.kind): one for one in found.subjects}
 
 
+@pytest.mark.ci
 def test_an_adapter_is_a_file_and_its_engine_is_asked_in_its_environment(toy: Path) -> None:
     assert "toy" in engines_of_files()
     assert runs_elsewhere(load_engine(RobotLibrary.without_files(), "toy@1.0"))
@@ -108,6 +109,7 @@ def test_what_a_version_lacks_and_what_it_refuses_are_told(toy: Path) -> None:
     assert refused.outcome == "refused" and refused.message == "one joint, no more"
 
 
+@pytest.mark.ci
 def test_by_default_every_engine_is_asked_that_is_installed_anywhere(toy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = {str(one) for one in robot_subjects()}
     assert {"toy/urdf", "mujoco/urdf", "mujoco/mjcf", "pinocchio/urdf"} <= asked

@@ -129,6 +129,7 @@ def test_what_an_engine_does_not_read_is_dynamics(two_links: Path) -> None:
     assert shares(gap)[STEP] == (0.0, 0.0)
 
 
+@pytest.mark.ci
 def test_two_causes_share_the_gap_alike_from_either_side(two_links: Path, heavier: Path) -> None:
     forth = gap_of(two_links, heavier, "mujoco/RK4", "mujoco/Euler@0.002")
     back = gap_of(heavier, two_links, "mujoco/Euler@0.002", "mujoco/RK4", steps=80)

@@ -180,6 +180,7 @@ def at_few_states(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(touching, "MOST_WORK", 0)
 
 
+@pytest.mark.ci
 @pytest.mark.usefixtures("at_few_states")
 def test_a_record_says_what_is_judged(tmp_path: Path) -> None:
     record = judge_switched_on(meant_by(written(tmp_path, SHAPES)), "mujoco")
@@ -187,6 +188,7 @@ def test_a_record_says_what_is_judged(tmp_path: Path) -> None:
     assert record.shapes.contacts > 0 and "roundoffs of where the file has them" in record.shapes.text
 
 
+@pytest.mark.ci
 @pytest.mark.usefixtures("at_few_states")
 def test_a_record_is_red_where_contacts_are_not_those_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The optimum is that of the contacts as they are given, and agrees."""
@@ -219,6 +221,7 @@ def test_a_capsule_upright_on_a_slope_has_a_frame_that_is_not_square(tilt: float
     assert record is not None and (record.contacts, record.rest) == (1, [] if is_square else wrong)
 
 
+@pytest.mark.ci
 @pytest.mark.usefixtures("at_few_states")
 def test_no_contact_is_said_of_a_file_that_overrides_their_numbers(tmp_path: Path) -> None:
     path = written(tmp_path, SHAPES.replace("<default>", '<option o_margin="0.1"><flag override="enable"/></option><default>', 1))
@@ -252,6 +255,7 @@ def test_replicas_and_unnamed_shapes_of_several_worldbodies_are_told_apart(text:
     assert {name for one in found for name in one.bodies} == {"world", *(body.name for body in read_robot(path).tree.bodies)}
 
 
+@pytest.mark.ci
 def test_the_last_of_many_replicas_stands_where_the_file_puts_it(tmp_path: Path) -> None:
     """It is turned 49 times, by angles in degrees that no float64 number is in radians."""
     replicas = '<replicate count="50" offset="0 0 0.01" euler="0 0 {turn}"><geom type="capsule" {geom}/></replicate>'

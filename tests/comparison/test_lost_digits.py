@@ -87,6 +87,7 @@ def test_a_mass_of_which_a_reading_computes_moments_is_named(tmp_path: Path) -> 
     assert not record.explained and "mass value = 1: the engine behaves as with 1.000001" in record.rest[0]
 
 
+@pytest.mark.ci
 def test_a_number_that_explains_a_part_is_not_named(tmp_path: Path) -> None:
     """Two masses are wrong, the one by little: the other leaves 1e-6 of the difference, and more than a data roundoff."""
     found = meant_by(FILES / "arm.urdf")

@@ -98,6 +98,7 @@ def test_sound_answers_are_none_that_is_wrong(bodies: str, cone: str, condim: in
     assert verdicts_of(assignment, states) <= SOUND
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("fault", ["distance", "solref", "normal"])
 def test_a_fault_is_an_alarm(fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assignment, found_contacts = written(tmp_path, "walker", "elliptic", 3), robot.found_contacts

@@ -223,6 +223,7 @@ def held_by(name: str = "", states: int = 40) -> SwitchedOnRecord:
     return judge_switched_on(meant(robot_at(path), states, seed=0), ENGINE)
 
 
+@pytest.mark.ci
 def test_the_solver_stops_early_and_agrees_where_it_goes_on() -> None:
     record = held_by()
     assert record.explained and record.to_the_end is not None and record.to_the_end <= AGREEMENT
@@ -253,6 +254,7 @@ def test_no_state_is_red(name: str, seed: int) -> None:
     assert (record.explained, record.message, record.rest) == (True, "", [])
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("path", [BUILT_IN.model_path("tippe_top", "urdf"), FILES / "puck.urdf"], ids=["free", "planar"])
 def test_velocities_are_along_the_axes_of_the_body(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = meant(robot_at(path), 32, seed=0)

@@ -141,6 +141,7 @@ def test_an_engine_that_leaves_a_number_out_is_told(monkeypatch: pytest.MonkeyPa
     assert not any(fault.caught_by for fault in faults) and any("were not caught" in sentence for sentence in broken_bars(faults))
 
 
+@pytest.mark.ci
 def test_a_diagnosis_that_names_another_number_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     real = SuspectSearch.explaining
 

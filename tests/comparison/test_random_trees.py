@@ -88,6 +88,7 @@ def random_tree(bodies: int, seed: int, jacobian: str, beside: float = 0.05) -> 
     return f'<mujoco><option jacobian="{jacobian}"/><worldbody>{plane}{trees}</worldbody></mujoco>'
 
 
+@pytest.mark.ci
 def test_a_wrong_factor_of_the_solver_is_told_with_what_to_set(tmp_path: Path) -> None:
     """See docs/issues/mujoco-sparse-newton.md."""
     record = held_by(tmp_path, BRANCHES.format(jacobian="sparse"))

@@ -36,6 +36,7 @@ def checked(file: Path, quantities: list[Quantity], stance: Stance = Stance.AIDE
     return {(record.subject, record.quantity): record for record in result.records}
 
 
+@pytest.mark.ci
 def test_both_engines_agree_with_the_numbers_of_an_arm() -> None:
     for (subject, quantity), record in checked(ARM, QUANTITIES).items():
         assert record.verdict == "agrees", (subject, quantity, record.message)
@@ -83,6 +84,7 @@ def compensated(folder: Path, *more: tuple[str, str]) -> Path:
     return edited(MJCF, folder, ('damper="disable"', 'damper="enable"'), *changes, *more)
 
 
+@pytest.mark.ci
 def test_gravity_compensation_is_on_in_mujoco_and_is_judged(tmp_path: Path) -> None:
     for (subject, quantity), record in checked(compensated(tmp_path), QUANTITIES).items():
         assert record.verdict == ("agrees" if subject == "mujoco/mjcf" else record.verdict), (subject, quantity, record.message)
@@ -107,6 +109,7 @@ def test_without_springs_and_dampers_mujoco_carries_no_weight(tmp_path: Path) ->
     assert record_of(file, "mujoco").verdict == "agrees"
 
 
+@pytest.mark.ci
 def test_gravity_compensation_by_actuators_is_theirs(tmp_path: Path) -> None:
     """It is off where they are, in every quantity, but for other joints that carry the body."""
     first = next(iter(re.findall(r'<joint name="[^"]+"', MJCF.read_text())))

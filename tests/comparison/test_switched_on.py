@@ -192,6 +192,7 @@ def welded(folder: Path) -> Path:
     return path
 
 
+@pytest.mark.ci
 def test_welds_hold_points_and_orientations(tmp_path: Path) -> None:
     """By bodies, as they stand at the reference or are told to stand, and by turned sites; each alone, and all together."""
     record = held_by(welded(tmp_path))

@@ -56,6 +56,7 @@ def held_by(path: Path) -> SwitchedOnRecord:
     return judge_switched_on(meant_by(path), "mujoco")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
 def test_mujoco_touches_as_it_documents(cone: str, tmp_path: Path) -> None:
     record = held_by(written(tmp_path, cone))
@@ -169,6 +170,7 @@ def test_a_contact_that_is_another_is_red(fault: str, tmp_path: Path, monkeypatc
     assert (NAMED[fault] in others) if fault in NAMED else not others
 
 
+@pytest.mark.ci
 def test_a_contact_that_is_another_at_one_state_of_those_alike_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found, seen, planted = touching.contacts_of, set[Hashable](), list[Hashable]()
 
@@ -253,6 +255,7 @@ def test_trees_at_the_desk_stand_for_the_others(tmp_path: Path) -> None:
     assert set().union(*(words[number] for number in AT_THE_DESK)) == set().union(*words) - {'joint type="ball"'}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("number", [pytest.param(number, marks=marks_of(number)) for number in range(60)])
 def test_no_tree_of_shapes_is_red(number: int, tmp_path: Path) -> None:
     record = held_by(tree_of_shapes(tmp_path, number))
@@ -314,6 +317,7 @@ def test_a_departure_in_contacts_of_some_states_is_told(departure: str, tmp_path
     assert record.backward_error is not None and record.backward_error <= AGREEMENT
 
 
+@pytest.mark.ci
 def test_options_of_an_included_file_are_those_of_the_file(tmp_path: Path) -> None:
     """Its cones, ratio and iterations: a scene includes a robot that has them."""
     inner, path = written(tmp_path), tmp_path / "scene.xml"
@@ -332,6 +336,7 @@ def test_bodies_that_hardly_touch_are_judged_with_contacts_on(tmp_path: Path) ->
     assert (record.verdict, record.touching) == (Verdict.AGREES, 0)
 
 
+@pytest.mark.ci
 def test_a_solver_that_stops_early_is_told(tmp_path: Path) -> None:
     path = edited(written(tmp_path), tmp_path, ('tolerance="0" iterations="100"', 'solver="CG" tolerance="1e-3"'))
     record = held_by(path)

@@ -66,6 +66,7 @@ def test_a_softer_file_is_another_problem_and_farther_from_rigid(tmp_path: Path)
 PINS = {"urdf": ('xyz="2 0 0"', 'xyz="2.0000000001 0 0"'), "mjcf": ('pos="2 0 0"', 'pos="2.0000000001 0 0"')}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("subject", [PINOCCHIO, MUJOCO], ids=str)
 def test_a_loop_that_closes_elsewhere_is_told_with_its_line(tmp_path: Path, subject: Subject) -> None:
     assignment = four_bar(tmp_path, subject, *PINS[subject.format])

@@ -178,6 +178,7 @@ def library(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.ci
 def test_a_rod_that_hangs_from_a_turntable_agrees(library: Path, tmp_path: Path) -> None:
     json = tmp_path / "records.json"
     done = harness("check", "turntable_rod", "--library", str(library), "--states", "500", "--json", str(json))

@@ -119,6 +119,7 @@ ENGINE = Engine()
 """
 
 
+@pytest.mark.ci
 def test_a_parameter_of_the_equations_is_named(tmp_path: Path) -> None:
     sound = Assignment.of(BUILT_IN, "chain_6", Subject("lagrange", EQUATIONS))
     assert explain_lost_digits(sound, SEED, diagnostic_states(sound.mechanism, SEED, 1)) is None

@@ -75,6 +75,7 @@ def test_an_engine_that_offers_no_reactions_is_unsupported(tmp_path: Path) -> No
     assert records["mujoco/mjcf"].verdict == "agrees"
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("body", "verdict", "said"),
     [
@@ -93,6 +94,7 @@ def test_a_fault_of_an_engine_is_seen_and_the_vector_named(tmp_path: Path, body:
     assert not study.result().as_expected
 
 
+@pytest.mark.ci
 def test_an_expected_verdict_is_that_of_its_quantity(tmp_path: Path) -> None:
     root = make_library(tmp_path / "library", ["bar_pendulum"], {"turned": turned("found[:, :, 3:] *= -1")})
     library = Library.at(root)
@@ -114,6 +116,7 @@ UNFELT = [
 ]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("name", "model_format", "old", "new", "wrong", "vector"), UNFELT)
 def test_what_no_acceleration_feels_is_named_by_its_line(
     tmp_path: Path, name: str, model_format: str, old: str, new: str, wrong: str, vector: str

@@ -277,6 +277,7 @@ def test_an_engine_without_memory_says_what_leaves_it_more(tmp_path: Path) -> No
     assert by_subject(records)["hungry/mjcf"].message.startswith("MemoryError: --memory-limit (pytest: --harness-memory-limit) allows more")
 
 
+@pytest.mark.ci
 def test_a_record_has_the_componentwise_error_where_it_is_asked_for_or_may_matter(tmp_path: Path) -> None:
     """An answer off by 1e-9 is beyond agreement by the norm, and by components no nearer; a sound one is certainly near."""
     settings = Settings(

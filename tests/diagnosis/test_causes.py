@@ -78,6 +78,7 @@ def test_an_engine_that_reads_no_model_is_asked_about_the_textbook_alone(tmp_pat
     assert "nothing to explain" in cause.first_line
 
 
+@pytest.mark.ci
 def test_where_every_engine_is_wrong_alike_the_textbook_goes_first(tmp_path: Path) -> None:
     old, new = 'mass="1.5"', 'mass="1.50001"'
     stand_ins = {"mjcf": pendulum(tmp_path, "mjcf", old, new)}
@@ -88,6 +89,7 @@ def test_where_every_engine_is_wrong_alike_the_textbook_goes_first(tmp_path: Pat
         assert "behaves as if m = 1.50001 kg instead of 1.5" in cause.first_line
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("workers", [InThisProcess(), InThisProcess(time_limit=4.0)])
 def test_the_evaluations_of_a_diagnosis_depend_on_how_much_is_wrong_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: InThisProcess
@@ -112,6 +114,7 @@ def test_the_evaluations_of_a_diagnosis_depend_on_how_much_is_wrong_alone(
     assert given == [7]
 
 
+@pytest.mark.ci
 def test_what_crashed_is_not_asked_again(tmp_path: Path) -> None:
     records, _ = causes_of(tmp_path, "mjcf", 'mass="1.5"', 'mass="1.6"')
     settings = Settings(library=BUILT_IN, names=["simple_pendulum"])

@@ -228,6 +228,7 @@ def test_digits_that_an_engine_loses_are_no_fault_of_the_file() -> None:
     assert "the digits are the engine's" in diagnosis.first_line
 
 
+@pytest.mark.ci
 def test_a_number_is_named_whose_effect_bends_within_the_step_of_a_derivative() -> None:
     """A proximal iteration feels a length that holds redundant rows apart by its square, and from 1e-7 on in full."""
     own, right = case("arm_2r", "urdf"), 0.5
@@ -283,6 +284,7 @@ def test_what_the_textbook_cannot_tell_apart_is_named_together() -> None:
     assert {("g", 0.0), ("m", 0.0), ("r_G", 0.0)} <= {(one.place.attribute, one.value) for one in diagnosis.explaining}
 
 
+@pytest.mark.ci
 def test_an_answer_where_nothing_has_a_roundoff_is_a_wrong_answer_and_a_finite_one() -> None:
     """A wheel at rest without gravity stays at rest; a spring of one side moves it."""
     own = case("satellite_wheel", "mjcf")
@@ -323,6 +325,7 @@ def test_a_diagnosis_ends_after_its_evaluations_with_the_best_so_far(evaluations
     assert not any("accelerations feel" in line for line in diagnosis.lines)
 
 
+@pytest.mark.ci
 def test_the_textbook_side_ends_after_its_evaluations(monkeypatch: pytest.MonkeyPatch) -> None:
     own = case("arm_2r", "mjcf")
     evaluated: list[Any] = []
@@ -462,6 +465,7 @@ def edited_pendulum(folder: Path, old: str, new: str) -> Path:
     return edited(BUILT_IN.model_path("simple_pendulum", "mjcf"), folder, (old, new))
 
 
+@pytest.mark.ci
 def test_the_command_prints_verdicts_terms_and_both_sides_of_a_fault(tmp_path: Path) -> None:
     faulty, told = edited_pendulum(tmp_path, 'pos="0 0 -2"', 'pos="0 0 -2.02"'), tmp_path / "told.json"
     done = harness("diagnose", "simple_pendulum", "--mjcf", str(faulty), "--json", str(told), "--states", "200")

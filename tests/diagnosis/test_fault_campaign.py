@@ -186,6 +186,7 @@ def test_a_diagnosis_that_always_names_the_first_attribute_is_told(monkeypatch: 
     assert any("named first or in their class" in sentence for sentence in broken_bars(faults))
 
 
+@pytest.mark.ci
 def test_what_takes_one_evaluation_is_tried_before_fits_of_a_large_error_take_them_all() -> None:
     """As in a file with so many numbers that their columns and fits take what a diagnosis may."""
     few = CampaignSettings(kinds=["axis", "joint_order"], states=16, diagnosed=1, evaluations=300)
@@ -443,6 +444,7 @@ def test_lost_digits_are_not_counted_as_caught() -> None:
     assert Answer(verdicts={"mujoco/mjcf": "unstable", "pinocchio/mjcf": "disagrees"}).caught_by == "check"
 
 
+@pytest.mark.ci
 def test_a_diagnosis_that_mends_with_another_number_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """The place is right, and the number off by 1e-5."""
 

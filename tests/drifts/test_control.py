@@ -86,6 +86,7 @@ def test_a_table_as_spreadsheets_write_it_begins_with_a_mark(tmp_path: Path) -> 
     assert read_control(tmp_path / "c.csv").names == ("drive", "twist")
 
 
+@pytest.mark.ci
 def test_a_table_that_begins_behind_the_motion_is_refused(cart: Path, tmp_path: Path) -> None:
     """As one by the clock of a robot, whose first row would hold all the time."""
     (tmp_path / "c.csv").write_text("time,drive\n1700000000,1\n1700000001,2\n")
@@ -93,6 +94,7 @@ def test_a_table_that_begins_behind_the_motion_is_refused(cart: Path, tmp_path: 
         harness.drift(cart, by=("mujoco/Euler", "mujoco/RK4"), control=tmp_path / "c.csv", seconds=0.1)
 
 
+@pytest.mark.ci
 def test_actuators_that_a_table_leaves_out_are_told(cart: Path, tmp_path: Path) -> None:
     (tmp_path / "c.csv").write_text("time,drive\n0,1\n")
     found = harness.drift(cart, by=("mujoco/Euler", "mujoco/RK4"), control=tmp_path / "c.csv", seconds=0.1)
@@ -100,6 +102,7 @@ def test_actuators_that_a_table_leaves_out_are_told(cart: Path, tmp_path: Path) 
     assert harness.drift(cart, by=("mujoco/Euler", "mujoco/RK4"), seconds=0.1).uncontrolled == ()
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["delay", "decimation", "seconds", "by"])
 def test_timing_that_is_none_is_refused(cart: Path, name: str) -> None:
     for wrong in {
@@ -279,6 +282,7 @@ def test_a_control_of_a_robot_without_actuators_is_refused(tmp_path: Path) -> No
         harness.drift(path, by=("mujoco/Euler", "mujoco/RK4"), control=lambda t, q, v: [])
 
 
+@pytest.mark.ci
 def test_a_log_of_joints_is_what_their_servos_track(tmp_path: Path) -> None:
     first, second = tmp_path / "a.xml", tmp_path / "b.xml"
     first.write_text(ARM)

@@ -287,6 +287,7 @@ def test_a_file_in_which_nothing_moves_is_refused(folder: Path) -> None:
         drift_here(DriftSettings(sides(folder, "a.xml", "a.xml"), 0.1))
 
 
+@pytest.mark.ci
 def test_a_side_that_breaks_down_is_told(tmp_path: Path) -> None:
     """The servo is unstable at this step, at once or later; its state is finite for a while."""
     (tmp_path / "a.xml").write_text(WRIST)

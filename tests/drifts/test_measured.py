@@ -89,6 +89,7 @@ def test_a_delay_of_the_controls_explains_the_log(tmp_path: Path) -> None:
     assert best.what == DELAY.what and best.fitted == pytest.approx(0.02, rel=0.15) and best.explained > 0.95
 
 
+@pytest.mark.ci
 def test_what_a_log_does_not_tell_apart_is_told_together(tmp_path: Path) -> None:
     """About its axis a pendulum has one moment of inertia, of the rotor and of the rod."""
     record = found(tmp_path, PENDULUM, PENDULUM.replace('armature="0.02"', 'armature="0.04"'), ["drive"])
@@ -115,6 +116,7 @@ def test_a_log_and_its_controls_are_of_one_clock(tmp_path: Path) -> None:
     assert [one.name for one in other.numbers[:2]] == [one.name for one in record.numbers[:2]]
 
 
+@pytest.mark.ci
 def test_a_log_of_some_joints_and_no_gap(tmp_path: Path) -> None:
     (tmp_path / "hopper.xml").write_text(HOPPER)
     model = mujoco.MjModel.from_xml_string(HOPPER)
@@ -130,6 +132,7 @@ def test_a_log_of_some_joints_and_no_gap(tmp_path: Path) -> None:
     assert all(0.0 <= one.explained <= 1.0 and math.isfinite(one.fitted) for one in record.numbers)
 
 
+@pytest.mark.ci
 def test_a_log_in_python(tmp_path: Path) -> None:
     record = found(tmp_path, PENDULUM, PENDULUM.replace('damping="0.1"', 'damping="0.3"'), ["drive"], seconds=0.4)
     np.savez(tmp_path / "sent.npz", time=np.arange(0.0, 0.4, 0.002), drive=control_of(["drive"], 0.4).values[:, 0])
@@ -141,6 +144,7 @@ def test_a_log_in_python(tmp_path: Path) -> None:
         api.drift(tmp_path / "model.xml", tmp_path / "log.csv")
 
 
+@pytest.mark.ci
 def test_the_way_of_a_log_is_from_its_first_row(tmp_path: Path) -> None:
     (tmp_path / "model.xml").write_text(PENDULUM)
     (tmp_path / "log.csv").write_text("time,pin\n0,1\n0.01,1.1\n")
@@ -168,6 +172,7 @@ def test_a_log_of_something_else_is_refused(tmp_path: Path, text: str, said: str
         measured_from(MeasuredSettings(MovingSide(tmp_path / "model.xml"), tmp_path / "log.csv"), here=True)
 
 
+@pytest.mark.ci
 def test_a_user_reads_what_would_explain_the_log(tmp_path: Path) -> None:
     found(tmp_path, PENDULUM, PENDULUM.replace('damping="0.1"', 'damping="0.3"'), ["drive"], seconds=0.4)
     times = np.arange(0.0, 0.4, 0.002)

@@ -213,6 +213,7 @@ def off_the_constraint(count: int) -> list[tuple[list[float], list[float], list[
 CURVED = ("weld", "joint by a polynomial", "tendon between two points")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("kind", OTHERS)
 def test_every_kind_of_constraint_has_mujocos_law(kind: str) -> None:
     """The program leaves J' v out of couplings, which the documentation has of all equalities."""
@@ -229,6 +230,7 @@ def test_every_kind_of_constraint_has_mujocos_law(kind: str) -> None:
     assert (loop.worst(loop.softened(Softened(laws, weights_of(file, laws))), states, found) > WRONG) == (kind in CURVED)
 
 
+@pytest.mark.ci
 def test_the_documented_inverse_weight_of_a_slider_is_another_optimum() -> None:
     loop, states = SLIDER_CRANK, states_of("slider_crank")
     file = model_of("slider_crank", "mjcf")

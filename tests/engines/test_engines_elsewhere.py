@@ -223,6 +223,7 @@ def test_every_adapter_is_imported_where_only_its_requirements_are(library: Libr
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.ci
 def test_a_missing_function_is_unsupported_and_the_engines_own_exceptions_are_told(library: Library, bar: ModelFile) -> None:
     state = np.zeros((1, 1))
     with pytest.raises(Unsupported, match=r"toy_engine 2\.3 has no accelerate"):

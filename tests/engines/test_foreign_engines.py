@@ -91,6 +91,7 @@ def test_an_engine_file_that_is_invalid_is_named(checked: tuple[int, dict[str, A
     assert record["message"].endswith("mend it, or ask others alone by --subject")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("name", "message"), DEAD.items())
 def test_an_engine_file_that_ends_its_process_says_so(checked: tuple[int, dict[str, Any], str], name: str, message: str) -> None:
     record = checked[1][f"{name}/mjcf"]
@@ -98,6 +99,7 @@ def test_an_engine_file_that_ends_its_process_says_so(checked: tuple[int, dict[s
     assert message in record["message"]
 
 
+@pytest.mark.ci
 def test_an_engine_that_is_not_installed_is_unsupported(checked: tuple[int, dict[str, Any], str]) -> None:
     record = checked[1]["absent/mjcf"]
     assert (record["verdict"], record["message"]) == ("unsupported", "drake is not installed")
@@ -138,6 +140,7 @@ def gone(process: int) -> bool:
     return False
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["serving", "leaving"])
 def test_what_an_engine_file_starts_ends_with_its_process(checked: tuple[int, dict[str, Any], str], library: Path, name: str) -> None:
     servers = [int(line) for line in (library / "engines" / f"{name}.pid").read_text().split()]
@@ -178,6 +181,7 @@ def test_the_exit_status_is_that_of_the_subject_asked_for(small: Path, name: str
 MARKING = engine_source(top="open(__file__ + '.run', 'w')")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("command", ["check", "diagnose", "search", "pytest", "api"])
 def test_an_engine_file_that_nobody_asks_for_is_not_run(tmp_path: Path, command: str) -> None:
     root = make_library(tmp_path / "library", ["bar_pendulum"], {"marking": MARKING})
@@ -230,6 +234,7 @@ def test_search_says_what_was_answered(nonsense: Path) -> None:
     assert "listing/mjcf: InvalidAnswer: forward_dynamics returned a list; expected" in done.stdout
 
 
+@pytest.mark.ci
 def test_atlas_says_what_was_answered(nonsense: Path) -> None:
     done = harness("atlas", "stiff_spring", "--library", ".", "--subject", "listing/mjcf", "--json", "-", cwd=nonsense)
     assert done.returncode == 1
@@ -238,6 +243,7 @@ def test_atlas_says_what_was_answered(nonsense: Path) -> None:
     assert all("InvalidAnswer: forward_dynamics returned a list; expected" in point["reason"] for point in row["points"])
 
 
+@pytest.mark.ci
 def test_the_python_interface_gives_records_of_engine_files_that_fail(small: Path) -> None:
     [record] = check("bar_pendulum", library=small, subjects="vanishes/mjcf", states=20, workers=1)
     assert (record.verdict, record.message) == ("error", "ended its process with status 0")

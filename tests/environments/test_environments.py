@@ -123,6 +123,7 @@ def test_versions_come_from_the_indexes_of_the_user_and_are_sorted(index: Path) 
         available_versions("no-such-engine")
 
 
+@pytest.mark.ci
 def test_what_cannot_be_installed_leaves_nothing_and_says_why(index: Path) -> None:
     with pytest.raises(InvalidRequest, match=r"toy-engine==9\.9"):
         install("toy", "toy-engine", "toy_engine", "9.9")
@@ -130,6 +131,7 @@ def test_what_cannot_be_installed_leaves_nothing_and_says_why(index: Path) -> No
     assert find_environments() == []
 
 
+@pytest.mark.ci
 def test_what_cannot_be_imported_is_no_environment(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(environments, "REQUIREMENTS", ())
     with pytest.raises(InvalidRequest, match="ModuleNotFoundError: No module named 'numpy'"):
@@ -150,6 +152,7 @@ def test_an_environment_replaces_one_of_its_version(index: Path, monkeypatch: py
     assert first.installed["toy-engine"] == "1.2"
 
 
+@pytest.mark.ci
 def test_what_is_not_imported_is_not_compiled(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(environments, "REQUIREMENTS", ())
     # What a clean clone's tests set for their own installation.

@@ -373,6 +373,7 @@ def test_offsets_angles_axes_and_masses_are_all_looked_for(model_format: str) ->
         assert {"offset of hand left in", "joints hinge and wrist exchanged", "angles of the whole file in the other unit"} <= statements
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("module", "pattern"), sorted(set(declared_statements())))
 def test_every_mistake_that_is_spelled_out_is_made_in_some_model(module: str, pattern: str) -> None:
     assert any(re.fullmatch(pattern, statement) for statement in made_statements())

@@ -762,6 +762,7 @@ def test_bindings_that_another_package_broke_are_told(tmp_path: Path) -> None:
     assert "cannot be imported (initialization failed); usd-core and another package" in done.stderr
 
 
+@pytest.mark.ci
 def test_diagnose_takes_it_beside_an_mjcf(tmp_path: Path) -> None:
     files = [str(written(tmp_path, TWIN, "arm.xml")), "--usd", str(written(tmp_path, ARM.replace("17.4", "17.5")))]
     done = CliRunner().invoke(main, ["diagnose", *files])
@@ -777,6 +778,7 @@ def test_survey_tells_what_no_engine_reads(tmp_path: Path) -> None:
     assert sentence.startswith("1 robot: no engine of the run reads 1"), sentence
 
 
+@pytest.mark.ci
 def test_compare_takes_it_beside_an_mjcf(tmp_path: Path) -> None:
     files = [str(written(tmp_path, TWIN, "arm.xml")), str(written(tmp_path, ARM))]
     done = CliRunner().invoke(main, ["compare", *files, "--subject", "mujoco/mjcf"])

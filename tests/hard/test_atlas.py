@@ -151,6 +151,7 @@ def test_an_explicit_inverse_is_unstable_where_the_mass_matrix_is_ill_conditione
     assert {point.verdict for point in ill_conditioned} == {"unstable"}
 
 
+@pytest.mark.ci
 def test_single_precision_disagrees_wherever_the_mass_matrix_is_not_exact_in_it(planted: Library, easy: Sampled) -> None:
     _judge_single_precision(planted, easy)
 
@@ -222,6 +223,7 @@ def test_a_refused_model_is_told_in_the_engines_words() -> None:
     assert row.verdict == "unsupported"
 
 
+@pytest.mark.ci
 def test_answers_that_are_not_finite_are_an_error(planted: Library) -> None:
     row = _row(planted, "stiff_damper", "silent")
     assert row.verdicts == {"error": 30}

@@ -92,6 +92,7 @@ ENGINE = Engine()
 """
 
 
+@pytest.mark.ci
 def test_a_search_finds_where_a_quantity_is_wrong(tmp_path: Path) -> None:
     """The planted fault is felt above a speed, by the bias alone."""
     library = Library.at(make_library(tmp_path / "library", ["double_pendulum"], {"slipping": SLIPPING_ENGINE}))
@@ -374,12 +375,14 @@ def test_a_search_finds_explains_and_stores(library: Library, workers: Workers) 
     assert f"stored in {path_of(library, 'bar_pendulum')}" in text
 
 
+@pytest.mark.ci
 def test_an_engine_that_agrees_leaves_nothing_behind(library: Library, workers: Workers) -> None:
     result = searched(library, workers, "mujoco/mjcf")
     assert (result.status, result.not_stored, result.cases[0].found.verdict) == (0, "every state agrees", "agrees")
     assert not path_of(library, "bar_pendulum").exists()
 
 
+@pytest.mark.ci
 def test_an_answer_that_is_not_finite_is_worst(library: Library, workers: Workers) -> None:
     result = searched(library, workers, "nan/mjcf", keep=False)
     assert (result.status, result.cases[0].found.verdict, result.cases[0].found.backward_error) == (1, "error", None)
@@ -407,6 +410,7 @@ def test_a_library_that_cannot_be_written_is_told_and_searched(library: Library,
     assert str(result.place) in as_lines(result)[-1]
 
 
+@pytest.mark.ci
 def test_what_is_expected_does_not_fail(library: Library, workers: Workers) -> None:
     entry = 'system = "bar_pendulum"\nsubject = "wrong/mjcf"\nverdict = "disagrees"\nreason = "planted"\nlink = "here"\n'
     for most, status in ((1e12, 0), (100.0, 1)):

@@ -57,6 +57,7 @@ def assignment(path: Path) -> Assignment:
     return Assignment.of(library, str(path), MUJOCO)
 
 
+@pytest.mark.ci
 def test_a_search_is_ten_times_worse_than_chance_and_replays(tmp_path: Path) -> None:
     path = written(tmp_path)
     asked = ("search", "hopper.xml", "--contacts", "--subject", "mujoco/mjcf", "--budget", str(BUDGET), "--json", "found.json", "--no-keep")
@@ -84,6 +85,7 @@ def test_states_that_a_search_begins_with_touch(tmp_path: Path) -> None:
     assert sum(any(one.pushes for one in found) for found in contact_source(own).contacts(begun)) >= 8
 
 
+@pytest.mark.ci
 def test_a_solver_that_goes_to_the_end_agrees_at_contacts(tmp_path: Path) -> None:
     written(tmp_path, TO_THE_END)
     words = ("check", "hopper.xml", "--contacts", "--subject", "mujoco/mjcf", "--states", "64", "--json", "found.json")
@@ -150,6 +152,7 @@ def test_contacts_are_of_files(words: list[str], tmp_path: Path) -> None:
     assert done.returncode == 2 and "--contacts is for a robot's file" in done.stderr
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("jacobian", ["dense", "sparse"])
 def test_a_solver_that_ends_elsewhere_is_told_as_that(jacobian: str, tmp_path: Path) -> None:
     """See docs/issues/mujoco-sparse-newton.md."""

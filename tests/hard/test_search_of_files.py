@@ -55,6 +55,7 @@ def test_a_solver_that_stops_early_is_found_with_what_to_set(tmp_path: Path) -> 
     assert record["backward_error"] == pytest.approx(case["found"]["backward_error"], rel=1e-6)
 
 
+@pytest.mark.ci
 def test_a_solver_that_goes_to_the_end_is_not(tmp_path: Path) -> None:
     told, found = search(tmp_path, TO_THE_END)
     assert "stops its solver" not in told and max(found["worst"].values()) < 64  # type: ignore[attr-defined]

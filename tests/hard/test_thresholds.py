@@ -67,6 +67,7 @@ def test_the_first_to_break_is_named_with_its_settings() -> None:
     assert first_broken([]) == ""
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("case", [SLIDES, STICKS], ids=lambda case: case.name)
 def test_creeping_hides_a_threshold_the_wider_the_softer_friction_is(case: RigidCase, monkeypatch: pytest.MonkeyPatch) -> None:
     laws = {law.setting: law for law in rigid_laws(distances(case, monkeypatch))}

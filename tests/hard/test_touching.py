@@ -31,6 +31,7 @@ def test_a_block_creeps_as_its_file_stands_and_not_with_what_holds_it(monkeypatc
     assert of_setting(found, "as the file stands")[1.2] > 100 * of_setting(found, "all of these")[1.2]  # type: ignore[operator]
 
 
+@pytest.mark.ci
 def test_a_stack_sinks_the_deeper_the_heavier_its_last_box(monkeypatch: pytest.MonkeyPatch) -> None:
     sinks = [*of_setting(distances(STACK, monkeypatch), "as the file stands").values()]
     assert sinks == sorted(sinks, key=lambda one: one or 0.0) and sinks[-1] > 50 * sinks[0]  # type: ignore[operator]

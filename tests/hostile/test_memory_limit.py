@@ -53,6 +53,7 @@ def test_this_process_holds_something_and_one_that_is_gone_nothing() -> None:
     assert memory.resident(outcome.value) == 0
 
 
+@pytest.mark.ci
 def test_a_worker_that_holds_more_is_ended_and_the_next_task_is_another_one_s() -> None:
     tasks = [Task("before", work.own_process, ()), Task("full", work.fill_memory, ()), Task("behind", work.own_process, ())]
     with Workers(1, memory_limit=256 << 20) as workers:
@@ -85,8 +86,8 @@ held = []
 """
 
 
-# The test above has the other ones at the desk.
-@pytest.mark.parametrize(("kind", "words"), [UNSOUND[0], *(pytest.param(*one, marks=pytest.mark.ci) for one in UNSOUND[1:])])
+@pytest.mark.ci
+@pytest.mark.parametrize(("kind", "words"), UNSOUND)
 def test_the_next_file_is_answered_by_another_process_of_the_engine(kind: str, words: str, tmp_path: Path) -> None:
     engines = {"holding": engine_source(top=HOLDING.format(kind=kind, words=words))}
     root = make_library(tmp_path / "library", ["bar_pendulum", "spring_damper"], engines)
@@ -122,7 +123,8 @@ def judged(robots: Path, *arguments: str) -> dict[tuple[str, str], list[tuple[st
     return found
 
 
-@pytest.mark.parametrize("command", ["check", *(pytest.param(name, marks=pytest.mark.ci) for name in ("compare", "survey"))])
+@pytest.mark.ci
+@pytest.mark.parametrize("command", ["check", "compare", "survey"])
 def test_a_texture_that_needs_too_much_memory_is_refused_in_a_sentence(robots: Path, command: str) -> None:
     files = ["."] if command == "survey" else [f"{name}.xml" for name in ("a_huge", "b_large", "c_small")]
     found = judged(robots, command, *files, "--states", "20")

@@ -386,6 +386,7 @@ def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
     assert caught.value.path == library.system_path("own")
 
 
+@pytest.mark.ci
 def test_a_derivation_is_the_same_in_another_process(tmp_path: Path) -> None:
     """Hash randomisation must not reach the program, or cached and fresh results would round differently."""
     name = "cylindrical_arm"

@@ -121,6 +121,7 @@ def without_times(found: Sequence[MotionCost | Drift]) -> list[MotionCost | Drif
     return [replace(one, seconds=0.0) for one in found]
 
 
+@pytest.mark.ci
 def test_budgets_count_evaluations_whatever_the_clock_says(cart: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """Beside a load that makes each look at the clock ten minutes later than the one before, the same is measured."""
     chosen = [RUNGE_KUTTA, MUJOCO_RUNGE_KUTTA, PINOCCHIO_RUNGE_KUTTA, TAYLOR]
@@ -166,6 +167,7 @@ def test_growth_of_energy_errors_has_a_name(errors: object, verdict: str) -> Non
     assert verdict_of(growth_of(times, found), found) == verdict
 
 
+@pytest.mark.ci
 def test_symplectic_energy_is_bounded_and_that_of_runge_kutta_drifts(cart: Scene) -> None:
     names = ["equations variational midpoint", "equations RK4", "mujoco RK4", "mujoco discrete"]
     found = {drift.integrator: drift for drift in drifts(cart, select_integrators(names), 40000, silent, step=5e-3)}

@@ -163,6 +163,7 @@ def test_spring_and_damper_moves_as_the_closed_form_does() -> None:
     assert path.work[-1] == pytest.approx((m * path.v[-1, 0] ** 2 + k * path.q[-1, 0] ** 2 - m - k * 0.09) / 2, rel=1e-13)
 
 
+@pytest.mark.ci
 def test_chaos_ends_the_horizon() -> None:
     mechanism = mechanism_named("arm_2r")
     reference = reference_motion(mechanism, Start(np.array([3.0, 2.5]), np.array([4.0, -3.0]), 40.0), 160)

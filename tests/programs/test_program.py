@@ -120,6 +120,7 @@ def test_float64_kernel_rounds_as_its_operations_do(outputs: tuple[sp.Expr, ...]
             assert abs(Fraction(found) - with_mpmath(expression, values)) <= 16 * fraction(ball.rad()) + Fraction(2) ** -1000, expression
 
 
+@pytest.mark.ci
 @settings(max_examples=30)
 @given(st.tuples(*[expressions] * 4))
 def test_json_gives_the_same_program_back_in_which_no_instruction_is_computed_twice(outputs: tuple[sp.Expr, ...]) -> None:

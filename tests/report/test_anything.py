@@ -94,6 +94,7 @@ def assert_sound(built: dict[str, str]) -> None:
         assert "default-src 'none'" in text and len(set(identifiers)) == len(identifiers)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["whole", "benchmark and atlas", "nothing"])
 def test_pages_fetch_nothing_and_lead_where_their_links_say(name: str) -> None:
     assert_sound(sites()[name])

@@ -92,6 +92,7 @@ def test_quiet_nights_of_one_seed_show_no_change(recorded: list[np.ndarray]) -> 
     assert changes([readings(night)] * NIGHTS) == []
 
 
+@pytest.mark.ci
 def test_nights_that_were_really_sampled_show_no_change() -> None:
     names = ("double_pendulum", "collar")
     pairs = [(name, subject) for name in names for subject in ("mujoco/mjcf", "pinocchio/urdf")]
@@ -237,6 +238,7 @@ def test_nights_of_a_run_that_ends_too_soon_are_noise() -> None:
     assert changes_of(Chart(CELLS), [cost(value) for value in values]) == []
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("nights", [9, 15])
 def test_largest_values_give_as_many_false_alarms_as_are_allowed(nights: int) -> None:
     draw, cells, allowed = np.random.default_rng(nights), 30_000, 12.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import lxml.html
+import pytest
 from catalogue import BUILT_IN
 from support import InThisProcess, completed, harness, make_library
 
@@ -44,6 +45,7 @@ def test_what_died_in_the_cross_check_is_not_asked_for_a_picture() -> None:
     assert task.arguments[1] == "heavy_top" and [str(subject) for subject in task.arguments[2]] == ["pinocchio/urdf"]
 
 
+@pytest.mark.ci
 def test_the_report_shows_pictures(tmp_path: Path) -> None:
     library = make_library(tmp_path / "library", ["spring_damper"], {"another": DYING})
     done = harness("report", "--library", str(library), "--out", "out", cwd=tmp_path)

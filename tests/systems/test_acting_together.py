@@ -148,6 +148,7 @@ def library_of(root: Path, edited: Edited) -> Library:
     return Library.at(root)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_what_acts_together_is_judged_together(name: str, tmp_path: Path) -> None:
     edited = SYSTEMS[name]

@@ -104,6 +104,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_wrong_number_of_friction_or_of_a_stop_is_red_and_named(name: str) -> None:
     system, subject, old, new, value = FAULTS[name]

@@ -92,6 +92,7 @@ def test_arm_3r_mass_matrix_and_gravity_from_jacobians() -> None:
     assert_equal(d.equations.gravity_terms, weight)
 
 
+@pytest.mark.ci
 def test_arm_3r_manipulator_equation_is_passive() -> None:
     """M' - 2C is skew and C v are the velocity terms: Spong, Hutchinson, Vidyasagar, section 7.5."""
     d, _ = derived("arm_3r")

@@ -191,6 +191,7 @@ def actuators(draw: st.DrawFn) -> str:
     return f'<general {target} gear="{gear}" gaintype="{kind}" gainprm="{gain}" biastype="affine" biasprm="{bias}" dyntype="{dynamics}" {ranges}/>'  # noqa: E501
 
 
+@pytest.mark.ci
 @settings(max_examples=25, deadline=None)
 @given(drawn=st.lists(actuators(), min_size=1, max_size=3))
 def test_any_actuators(drawn: list[str], tmp_path_factory: pytest.TempPathFactory) -> None:

@@ -138,6 +138,7 @@ def farthest(folder: Path, cone: str, ratio: float, states: int) -> float:
 _DIGITS = 1e-27
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("cone", "ratio"), half_at_the_desk(CONES, (1.0, 10.0)))
 def test_the_optimum_is_that_of_another_evaluation(cone: str, ratio: float, tmp_path: Path) -> None:
     assert farthest(tmp_path, cone, ratio, 8) < _DIGITS

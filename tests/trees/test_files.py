@@ -205,6 +205,7 @@ def certified(robot: Robot, like: ReferenceKernel | None = None) -> tuple[Refere
     return reference, reference.evaluate(states)
 
 
+@pytest.mark.ci
 def test_twins_in_both_formats_have_the_same_accelerations() -> None:
     """Their angles are rounded apart, in degrees here and radians there."""
     by_urdf = read_robot(FILES / "humanoid.urdf", floating_base=True)

@@ -280,6 +280,7 @@ print("harness.programs.loops.loops" in sys.modules)
 """
 
 
+@pytest.mark.ci
 def test_machine_code_is_made_once_and_is_not_read_where_it_is_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HEYOKA_CACHE_DIR", str(tmp_path))
     is_made = [subprocess.run([sys.executable, "-c", _LOAD], capture_output=True, text=True, check=True).stdout.strip() for _ in range(2)]

@@ -93,6 +93,7 @@ def test_redundant_rows_leave_rigid_reactions_open_and_a_law_settles_them() -> N
     assert verdicts_of("parallelogram", Subject("mujoco", "mjcf")) == {"agrees"}
 
 
+@pytest.mark.ci
 def test_mujocos_solver_balances_a_loop_of_light_bodies() -> None:
     """By its default tolerance it does not: 3500 data roundoffs."""
     truth, model = asked("andrews_squeezer", Subject("mujoco", "mjcf"))

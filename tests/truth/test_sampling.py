@@ -221,6 +221,7 @@ def test_both_ends_of_a_range_are_drawn(cart: Mechanism, end: int) -> None:
     assert find(strategy(cart), lambda s: s.q[0, 0] == bound, settings=SEARCH).q[0, 0] == bound
 
 
+@pytest.mark.ci
 def test_no_huge_value_is_drawn_for_a_bounded_coordinate(cart: Mechanism) -> None:
     def is_huge(state: States) -> bool:
         return bool(abs(state.q[0, 0]) > 0.1 or np.abs(state.v).max() > 10)

@@ -53,6 +53,7 @@ def upgraded(folder: Path, before: str, now: str, *arguments: str) -> Done:
     return harness("upgrade", "toy", before, now, *(arguments or ["bar.urdf"]), "--states", "60", "--json", "out.json", cwd=folder)
 
 
+@pytest.mark.ci
 def test_alike_to_rounding_is_no(folder: Path) -> None:
     done = upgraded(folder, "1.0", "1.1")
     same = "accelerations and compiled numbers are the same to rounding"
@@ -136,6 +137,7 @@ def test_robots_of_several_folders_and_of_one_name_are_told_apart(folder: Path, 
     assert "old/bar.urdf, toy/urdf: better" in done.stdout and "new/bar.urdf, toy/urdf: worse" in done.stdout
 
 
+@pytest.mark.ci
 def test_files_of_which_the_same_is_said_are_told_together_and_those_without_an_answer_named(folder: Path, tmp_path: Path) -> None:
     for name in ("one", "other"):
         (tmp_path / f"{name}.urdf").write_text(BAR)

@@ -39,6 +39,7 @@ def upgraded(library: Path, *arguments: str) -> tuple[Done, list[dict[str, objec
     return done, json.loads((library / "out.json").read_text())["changes"] if done.returncode < 2 else []
 
 
+@pytest.mark.ci
 def test_two_versions_that_do_alike_have_no_changes(library: Path) -> None:
     done, changes = upgraded(library, "toy", "1.0", "1.1")
     assert (done.returncode, [one for one in changes if one["what"] != "time per state"]) == (0, [])

@@ -259,6 +259,7 @@ def test_large_arguments_and_values_come_through() -> None:
     assert np.array_equal(outcomes_of(Task(0, work.echo, (many,)))[0].value, many)
 
 
+@pytest.mark.ci
 def test_time_spent_by_the_caller_is_not_the_tasks() -> None:
     with Workers(2, time_limit=1) as workers:
         coming = workers.run([Task(0, work.slow_process, (0.3,)), Task(1, work.slow_process, (0.6,))])
@@ -328,6 +329,7 @@ def test_an_affinity_stays_in_one_process_and_in_order() -> None:
     assert set(again["a"]) == processes["a"]
 
 
+@pytest.mark.ci
 def test_an_idle_process_takes_over_an_affinity_that_its_owner_has_not_begun() -> None:
     with Workers(2) as workers:
         first = ran_in(workers, [Task(0, work.own_process, (), "a"), Task(1, work.own_process, (), "a")])
