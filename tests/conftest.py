@@ -65,6 +65,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--night", type=int, default=0, metavar="N", help="number of the night; long campaigns take cases in turn")
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """Three pytest processes keep two processors busy: some tests wait for processes and for time limits."""
+    return (3 * (os.cpu_count() or 1) + 1) // 2
+
+
 def pytest_configure(config: pytest.Config) -> None:
     if config.option.costs:
         config.pluginmanager.register(costs)

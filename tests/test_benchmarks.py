@@ -92,6 +92,7 @@ except RuntimeError as error:
 """
 
 
+@pytest.mark.ci
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not give orphans to another parent")
 def test_processes_that_nobody_waits_for_are_counted() -> None:
     done = subprocess.run([sys.executable, "-c", PROCESSES], cwd=REPOSITORY, capture_output=True, text=True, timeout=60, check=True)
@@ -246,6 +247,7 @@ def test_a_benchmark_above_its_bar_and_one_that_fails_end_with_status_1(planted:
     assert died.returncode == 1 and "planted/broken: its process ended with status 3: out of luck" in died.stdout
 
 
+@pytest.mark.ci
 def test_bad_usage_says_what_to_do(planted: Path) -> None:
     for arguments, words in (
         (["nothing/*"], "no benchmark matches nothing/*; python -m benchmarks list names them"),

@@ -227,6 +227,7 @@ def stale(text: str) -> list[str]:
     return modules + paths
 
 
+@pytest.mark.ci
 def test_texts_name_only_what_is_there() -> None:
     # Prose and code are told apart only where the whole holds a stale name.
     suspect = [file for file in texts() if stale(file.read_text(encoding="utf-8"))]

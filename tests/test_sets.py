@@ -90,6 +90,7 @@ def test_a_cover_is_greedy_by_size_and_drops_what_later_ones_make_superfluous() 
     assert cover(features, sizes, covered={"a", "b", "c", "e"}) == ["left"]
 
 
+@pytest.mark.ci
 def test_no_file_gives_the_name_of_a_shared_fixture_to_another_that_outlives_a_test() -> None:
     """pytest would hand what depends on it, made for the last test of another file, to the first test of this one."""
     long_lived: dict[str, list[str]] = defaultdict(list)

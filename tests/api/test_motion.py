@@ -28,6 +28,7 @@ def test_a_pendulum_returns_after_the_period_of_its_elliptic_integral() -> None:
     assert np.abs(motion.energy_drift).max() < 1e-14
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["cart_pendulum", "four_bar", "heavy_top"])
 def test_a_motion_is_the_true_one(name: str) -> None:
     """Dampers, a loop and a ball joint; against Taylor's method in the longest floating-point types."""

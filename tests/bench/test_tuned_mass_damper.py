@@ -127,6 +127,7 @@ def test_models_hold_the_damper_they_are_given() -> None:
     assert {name: value for name, value, _ in scene.mechanism.parameters}["c"] == 0.2
 
 
+@pytest.mark.ci
 def test_a_model_that_kept_its_old_damper_is_seen() -> None:
     scene = Scene.of(LIBRARY, "cart_pendulum")
     [mujoco] = [integrator for integrator in integrators() if integrator.name == "mujoco Euler"]

@@ -50,6 +50,7 @@ def test_who_applies_none_of_what_is_on_is_said_first(folder: Path) -> None:
     assert {one["verdict"] for one in records.values()} == {"agrees"} and "Off: joint limits and dry friction." in done.stdout
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["arm.xml", "rubbing.xml"])
 def test_states_that_are_searched_at_limits_are_decided(folder: Path, name: str) -> None:
     """Hypothesis draws the ends of ranges, where rounding decides whether a limit is there."""
@@ -113,6 +114,7 @@ def test_a_solver_that_ends_elsewhere_is_red(folder: Path, monkeypatch: pytest.M
     assert any("solref" in one for one in records["mujoco/mjcf"]["rest"]), records["mujoco/mjcf"]["rest"]
 
 
+@pytest.mark.ci
 def test_a_mimic_joint_that_is_held_by_a_constraint_is_told_with_the_constraint_on(folder: Path) -> None:
     _, records = checked(folder, "mimic.urdf", "--states", "60")
     held, free = (

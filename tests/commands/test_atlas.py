@@ -90,6 +90,7 @@ def test_every_case_is_asked_of_every_subject_and_motion_only_when_asked_for(sta
     assert stage.made_with[-1]["time_limit"] == 5.0
 
 
+@pytest.mark.ci
 def test_what_was_measured_is_kept_printed_and_written(stage: Stage, invoke: Callable[..., Result], tmp_path: Path) -> None:
     result = invoke("stiff_spring", "--motion", "--json", "atlas.json", "--out", "here")
     assert result.exit_code == 0, result.output

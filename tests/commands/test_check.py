@@ -90,6 +90,7 @@ def test_a_hundred_thousand_states_agree_everywhere(name: str, tmp_path: Path) -
             assert record["states"] == 100_000 + len(load_found(BUILT_IN, BUILT_IN.system_of(record["system"])))
 
 
+@pytest.mark.ci
 def test_the_same_seed_gives_the_same_states(tmp_path: Path) -> None:
     errors = []
     for seed in ("1", "1", "2"):
@@ -120,6 +121,7 @@ def test_a_wrong_model_is_exit_status_1_with_a_replay_that_shows_it(tmp_path: Pa
     assert re.search(r"cart_pendulum +mujoco/mjcf +1 +disagrees", again.stdout)
 
 
+@pytest.mark.ci
 def test_failing_examples_are_kept_and_tried_first(library: Path, tmp_path: Path) -> None:
     edit(library / "mjcf" / "bar_pendulum.xml", "9.81", "9.8100001")
     options = ("check", "bar_pendulum", "--library", str(library), "--subject", "mujoco/mjcf", "--json", "out.json")
@@ -132,6 +134,7 @@ def test_failing_examples_are_kept_and_tried_first(library: Path, tmp_path: Path
     assert record["origins"] == {"stored": 0, "sampled": 4, "searched": 4, "simplest": 2} and 0.0 in kept["v"]
 
 
+@pytest.mark.ci
 def test_an_expected_verdict_is_exit_status_0_until_it_no_longer_holds(library: Path) -> None:
     expected, about = library / "expected_verdicts.toml", ("mujoco/mjcf", "disagrees")
     expected.write_text(expected_entry("bar_pendulum", *about, 1e9))

@@ -151,6 +151,7 @@ def test_a_survey_has_a_row_for_each_robot(tmp_path: Path) -> None:
     assert 'href="robots/mimic.urdf.html"' in index
 
 
+@pytest.mark.ci
 def test_a_survey_says_what_changed_since_the_last_one(tmp_path: Path) -> None:
     robots = folder_of(tmp_path / "robots", "arm.urdf", "mimic.urdf")
     survey = ("survey", str(robots), "--states", "8")

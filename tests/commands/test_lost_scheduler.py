@@ -46,6 +46,7 @@ def test_what_was_answered_is_told_and_written(command: str, answers: int, tmp_p
     assert json.loads((tmp_path / "found.json").read_text())["incomplete"] == f"the scheduler at {ADDRESS} is gone"
 
 
+@pytest.mark.ci
 @pytest.mark.usefixtures("without_charts")
 def test_records_before_the_loss_are_in_json_history_and_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     done = lose("report", 25, tmp_path, monkeypatch)

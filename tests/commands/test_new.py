@@ -51,6 +51,7 @@ def test_a_new_engine_agrees_on_a_new_mechanism(tmp_path: Path) -> None:
     assert (record["subject"], record["verdict"]) == ("solver/urdf", "agrees")
 
 
+@pytest.mark.ci
 def test_a_fault_in_a_new_engine_is_caught(tmp_path: Path) -> None:
     *_, engine = write_example(tmp_path, "plate", engine="solver")
     text = engine.read_text()

@@ -95,6 +95,7 @@ def test_every_record_gives_its_numbers_again(reported: Path) -> None:
     assert 0 < silent["backward_error"] < 64
 
 
+@pytest.mark.ci
 def test_where_states_come_from_is_said(reported: Path) -> None:
     records = records_of(reported / "report.json")
     for record in records:
@@ -112,6 +113,7 @@ def test_where_states_come_from_is_said(reported: Path) -> None:
     assert "states:" not in given.stdout
 
 
+@pytest.mark.ci
 def test_costs_carry_their_spread_and_the_load(reported: Path) -> None:
     document = json.loads((reported / "report.json").read_text())
     for record in records_of(reported / "report.json"):

@@ -203,6 +203,7 @@ def test_a_search_stores_hard_states_beside_the_file_and_a_check_takes_them(fold
     assert record["origins"]["stored"] == 1
 
 
+@pytest.mark.ci
 def test_a_search_asks_every_engine_that_reads_the_file(folder: Path) -> None:
     done = harness("search", "mimic.urdf", "--budget", "16", "--no-keep", cwd=folder)
     assert done.returncode == 0, done.stderr

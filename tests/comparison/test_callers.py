@@ -63,6 +63,7 @@ def test_an_adapter_is_a_file_and_its_engine_is_asked_in_its_environment(toy: Pa
     assert {records["toy@1.0/urdf", kind].outcome for kind in ("plain", "aided")} == {"agrees"}
 
 
+@pytest.mark.ci
 def test_a_wrong_number_of_an_engine_elsewhere_is_unexplained(toy: Path) -> None:
     records = compared(BAR, "toy@1.1/urdf")
     for record in records.values():

@@ -127,6 +127,7 @@ def test_states_whose_contacts_are_alike_are_as_each_alone(cone: str, tmp_path: 
     assert moved.tolist() == [0, 1, 2, 3]
 
 
+@pytest.mark.ci
 def test_states_at_which_bodies_touch_are_judged_by_their_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = written(tmp_path)
     found = {}

@@ -82,6 +82,7 @@ def test_two_subjects_that_die_are_both_set_aside(tmp_path: Path) -> None:
     assert {what for _, what in study.crashes} == {"first/mjcf", "second/mjcf"}
 
 
+@pytest.mark.ci
 def test_an_exception_costs_the_subject_that_raised_it(tmp_path: Path) -> None:
     planted = library(tmp_path, raising="raise RuntimeError('no can do')")
     records, study = cross_checked(Settings(library=planted, states=40, examples=None))
@@ -271,6 +272,7 @@ def test_energies_that_depend_on_time_are_compared_at_other_times(tmp_path: Path
     assert again.backward_error == pytest.approx(found["mujoco/mjcf"].backward_error, rel=1e-3)
 
 
+@pytest.mark.ci
 def test_an_engine_without_memory_says_what_leaves_it_more(tmp_path: Path) -> None:
     planted = library(tmp_path, hungry="raise MemoryError")
     records, _ = cross_checked(Settings(library=planted, states=40, examples=None))
@@ -307,6 +309,7 @@ def test_what_fails_while_it_is_measured_costs_the_number_alone(tmp_path: Path, 
     assert study.problems == [] and study.faults == []
 
 
+@pytest.mark.ci
 def test_a_record_says_what_its_model_asks_for_and_how_far_from_rigid_it_is() -> None:
     """Of a subject without a model, what the models of the mechanism would ask for; rolling is the mechanism's own."""
     names = ["four_bar", "rolling_disc", "simple_pendulum.mimic"]

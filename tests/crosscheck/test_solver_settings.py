@@ -38,6 +38,7 @@ def test_pinocchio_is_asked_by_its_defaults_too(name: str) -> None:
     assert said in found.remark
 
 
+@pytest.mark.ci
 def test_the_same_model_by_its_defaults_is_asked_where_the_model_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """The next model of a file may be loaded by another process."""
     own = Assignment.of(LIBRARY, "delta_robot", Subject("pinocchio", "urdf"))

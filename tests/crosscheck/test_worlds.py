@@ -51,6 +51,7 @@ def checked(library: Library, subject: str) -> CrossCheckResult:
     return completed(CrossCheck(settings), InThisProcess())
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("fault", UNEQUAL)
 def test_unequal_worlds_are_named_with_their_difference(fault: str, tmp_path: Path) -> None:
     where, said = UNEQUAL[fault]

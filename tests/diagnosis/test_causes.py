@@ -151,6 +151,7 @@ def test_the_least_inertia_that_is_felt_is_named_with_its_remedy(tmp_path: Path,
         assert "the least inertia that MuJoCo accepts, 1e-15 kg m^2, is felt here" in line and remedies[subject.partition("/")[2]] in line
 
 
+@pytest.mark.ci
 def test_a_mass_that_is_wrong_beside_a_least_inertia_is_named_itself(tmp_path: Path) -> None:
     library = Library.at(point_mass(tmp_path / "library", "0"))
     model = library.model_path("simple_pendulum", "mjcf")

@@ -245,6 +245,7 @@ def test_a_number_is_named_whose_effect_bends_within_the_step_of_a_derivative() 
     assert first.explains and (first.place.line, first.place.index, first.value) == (36, 0, right)
 
 
+@pytest.mark.ci
 def test_an_answer_that_is_not_finite_is_told() -> None:
     own = case("arm_2r", "mjcf")
     diagnosis = diagnose(Watch(own.model, lambda model: np.full_like(own.reference.high, np.nan)), own.reference)
@@ -340,6 +341,7 @@ def test_the_textbook_side_ends_after_its_evaluations(monkeypatch: pytest.Monkey
     assert 20 < len(evaluated) <= whole.evaluations
 
 
+@pytest.mark.ci
 def test_no_clock_changes_a_diagnosis(monkeypatch: pytest.MonkeyPatch) -> None:
     own = case("cart_pendulum", "mjcf")
     changes = [('mass="10"', 'mass="10.5"'), ('damping="0.2"', 'damping="0.3"')]
@@ -447,6 +449,7 @@ def assignment(name: str, model_format: str, text: str) -> Assignment:
     return Assignment(BUILT_IN, Subject(NATIVE[model_format], model_format), load_mechanism(BUILT_IN, name), model)
 
 
+@pytest.mark.ci
 def test_the_first_line_of_a_check_names_what_the_load_audit_refuses() -> None:
     own = case("simple_pendulum", "mjcf")
     task = assignment("simple_pendulum", "mjcf", own.replaced(('mass="1.5"', 'mass="1.6"')))

@@ -159,6 +159,7 @@ def _standing(number: Number) -> tuple[tuple[int, str, str], int]:
     return (number.line, number.element, number.attribute), number.index
 
 
+@pytest.mark.ci
 def test_a_blunt_check_is_told_by_what_is_not_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     """The check accepts a million times what the data roundoff allows."""
 
@@ -403,6 +404,7 @@ HYPOTHESES = {hypothesis.name for hypothesis in mended_mistakes()}
 UNKNOWN = tuple(kind.name for kind in find_mistakes() if kind.changes is None)
 
 
+@pytest.mark.ci
 def test_mistakes_outside_the_vocabulary_of_the_diagnosis_are_planted_and_caught() -> None:
     faults = campaign("double_pendulum", "mjcf", CampaignSettings(kinds=UNKNOWN, states=16, diagnosed=0, sizes=(1e-3,)))
     # Its two inertias are too small to be felt, so that no density can be wrong.

@@ -266,6 +266,7 @@ def test_a_library_whose_check_is_red_is_exit_status_2(options: list[str], tmp_p
     assert "no model was" not in done.stdout + done.stderr
 
 
+@pytest.mark.ci
 def test_the_command_prints_each_number_and_writes_json(tmp_path: Path) -> None:
     path = tmp_path / "faults.json"
     done = harness("faults", "spring_damper", "--smallest", "--states", "64", "--json", str(path))

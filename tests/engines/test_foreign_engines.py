@@ -170,6 +170,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make_library(tmp_path_factory.mktemp("small") / "library", ["bar_pendulum"], engines)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("name", "status"), [("vanishes", 3), ("exits", 1)])
 def test_the_exit_status_is_that_of_the_subject_asked_for(small: Path, name: str, status: int) -> None:
     """The other is not its affair."""

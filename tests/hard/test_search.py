@@ -46,11 +46,13 @@ def best_of_random(assignment: Assignment, count: int, seed: int) -> float:
 # The bars.
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_tenth_of_the_budget_finds_where_mujoco_loses_digits_on_ten_links(seed: int) -> None:
     assert worst_of_hunts(assignment_of("chain_10"), DEFAULT_BUDGET // 10, seed) >= 100
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["double_pendulum", "arm_2r"])
 def test_a_quarter_of_the_budget_beats_the_best_of_ten_thousand_random_states(name: str) -> None:
     assignment = assignment_of(name)
@@ -418,6 +420,7 @@ def test_what_is_expected_does_not_fail(library: Library, workers: Workers) -> N
         assert searched(library, workers, "wrong/mjcf", keep=False).status == status
 
 
+@pytest.mark.ci
 def test_an_unknown_name_is_refused(library: Library, workers: Workers) -> None:
     with pytest.raises(InvalidRequest, match="did you mean"):
         StateSearch(SearchSettings(library=library, name="bar_pendulun"))

@@ -115,6 +115,7 @@ def test_what_has_no_variations_is_left_out(four_bar: Scene) -> None:
     assert _motion(settings, four_bar, silent).motion == []
 
 
+@pytest.mark.ci
 def test_energy_and_constraint_drift_over_a_long_run(four_bar: Scene) -> None:
     rigid, soft = drifts(four_bar, [PINOCCHIO_RUNGE_KUTTA, EULER], 4096, silent, seconds=0.5)
     by_name = {one.integrator: one for one in (rigid, soft)}

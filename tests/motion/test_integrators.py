@@ -119,6 +119,7 @@ def test_mujocos_discrete_is_the_linearly_implicit_euler_method(scenes: dict[str
         assert found.q[row, 0] == pytest.approx(q, abs=1e-13) and found.v[row, 0] == pytest.approx(v, abs=1e-12)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["heavy_top", "free_body"])
 def test_quaternions_leave_no_order_behind(scenes: dict[str, Scene], name: str) -> None:
     """RK4 of all three: half the step, a sixteenth of the error."""
@@ -204,6 +205,7 @@ def test_midpoint_keeps_the_energy_of_an_oscillator_and_returns(scenes: dict[str
     np.testing.assert_allclose(back.q[-1], start.q, atol=1e-13)
 
 
+@pytest.mark.ci
 def test_midpoint_is_the_midpoint_rule_of_hamiltons_equations(scenes: dict[str, Scene]) -> None:
     """One step from the Lagrangian solves q1 - q0 = h v, p1 - p0 = h (dL/dq + Q) at the midpoint, p = M v."""
     scene = scenes["cart_pendulum"]

@@ -128,6 +128,7 @@ def test_energies_of_charts_agree_and_forces_do_the_power(built_in_mechanism: Me
                 assert abs(work - at["power"]) <= ALLOWED * (1 + abs(at["power"]))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", NOT_CHAOTIC)
 def test_truth_is_known_to_the_bar_over_twenty_seconds(name: str) -> None:
     mechanism = mechanism_named(name)
@@ -142,6 +143,7 @@ def test_truth_is_known_to_the_bar_over_twenty_seconds(name: str) -> None:
     )
 
 
+@pytest.mark.ci
 def test_float64_alone_would_miss_the_bar_on_the_collar() -> None:
     """It passes near the top of its guide, where it nearly stops, and each pass multiplies the roundings of the ones before."""
     mechanism = mechanism_named("collar")
@@ -246,6 +248,7 @@ def test_the_text_releases_the_cart_three_centimetres_off() -> None:
     assert start.q.tolist() == [0.03, 0.0] and start.v.tolist() == [0.0, 0.0]
 
 
+@pytest.mark.ci
 def test_a_scene_holds_both_models_of_a_system_and_of_a_familys_member() -> None:
     for name in ("arm_2r", "chain_3"):
         scene = Scene.of(LIBRARY, name)

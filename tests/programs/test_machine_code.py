@@ -80,6 +80,7 @@ def test_a_cache_that_cannot_be_written_costs_time_only(tmp_path: Path, monkeypa
     assert run(tmp_path) == ""
 
 
+@pytest.mark.ci
 def test_a_worker_has_heyoka_without_sympy_and_sympy_afterwards() -> None:
     with Workers(1) as workers:
         [outcome] = workers.run([Task(0, use_heyoka, ())])

@@ -281,6 +281,7 @@ def test_a_part_of_a_mechanism_that_does_not_fit_the_others_is_refused_by_name(p
         Mechanism.from_json(json.dumps(replaced(valid, *UNFIT[problem])))
 
 
+@pytest.mark.ci
 @given(st.data())
 @settings(max_examples=150)
 def test_a_damaged_mechanism_is_refused_or_sound(data: st.DataObject) -> None:

@@ -111,6 +111,7 @@ def spoilt(item: Any, name: str = "") -> Any:
     return replace(item, **{part.name: spoilt(getattr(item, part.name), part.name) for part in fields(item)})
 
 
+@pytest.mark.ci
 def test_text_is_escaped() -> None:
     result = CrossCheckResult(records=[spoilt(night(3)[0])], systems=[spoilt(CARDS[0])], worst_cases=[spoilt(test_hard_report.CASE)])
     measured = (run_on(0), spoilt(test_benchmark_report.sample())), (run_on(0), spoilt(test_hard_report.sample()))

@@ -65,6 +65,7 @@ def rebuild(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.ci
 def test_the_data_have_the_types_of_their_schema() -> None:
     site = msgspec.json.decode(whole()["site.json"], type=Site)
     assert len(site.cells) > 9 and {row.kind for row in site.rows} == {"mechanism", "robot"}

@@ -274,6 +274,7 @@ def night(number: str, values: Mapping[str, float]) -> dict[Cell, NightValue]:
     return {(system, "engine", number): NightValue(value, noise, number, run) for system, value in values.items()}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("number", "law", "of_law"), LAWS)
 def test_whatever_the_law_of_costs_and_worst_errors_few_nights_report_one(number: str, law: Law, of_law: float) -> None:
     reporting = 0

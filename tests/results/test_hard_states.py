@@ -149,6 +149,7 @@ def test_a_stored_state_is_compared_in_every_later_run(library: Library, workers
     assert (alone.verdict, alone.states) == ("agrees", 1)
 
 
+@pytest.mark.ci
 def test_a_broken_file_costs_the_record_and_is_told(library: Library, workers: Workers) -> None:
     path = path_of(library, "bar_pendulum")
     path.parent.mkdir()

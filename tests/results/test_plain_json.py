@@ -29,6 +29,7 @@ PLAIN = st.recursive(
 DOCUMENTS = st.dictionaries(st.sampled_from(["causes", "atlas", 'a "name"\n']), PLAIN | st.lists(PLAIN, max_size=5), max_size=4)
 
 
+@pytest.mark.ci
 @given(st.lists(DOCUMENTS, max_size=4))
 def test_every_state_is_the_text_of_the_whole(states: list[dict[str, Any]]) -> None:
     growing, about = JsonDocument(RUN), asdict(RUN)

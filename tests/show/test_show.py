@@ -97,6 +97,7 @@ def test_the_page_has_landmarks_contents_and_captions(library: Path) -> None:
     assert len(page.xpath("//*[@id]")) == len(set(page.xpath("//@id")))
 
 
+@pytest.mark.ci
 def test_values_are_shown_in_full_and_joints_with_their_lines(tmp_path: Path) -> None:
     done = harness("show", "puma_560", cwd=tmp_path)
     model = read_model(Library.built_in().model_path("puma_560", "mjcf"), "mjcf")

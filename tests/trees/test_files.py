@@ -221,6 +221,7 @@ def test_twins_in_both_formats_have_the_same_accelerations() -> None:
     assert compare(truth, other.high).backward_error.max() < 4
 
 
+@pytest.mark.ci
 def test_a_free_joint_may_have_its_velocity_in_its_own_frame() -> None:
     robot = read_robot(FILES / "humanoid.urdf", floating_base=True)
     in_parent, in_body = ReferenceKernel(mechanism_of(robot)), ReferenceKernel(mechanism_of(robot), linear_velocity_in_body=True)

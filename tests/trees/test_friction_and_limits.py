@@ -305,6 +305,7 @@ def shares_at(kernel: ReferenceKernel, states: States, plain: Terms, rows: Seque
     return shares
 
 
+@pytest.mark.ci
 def test_the_optimum_is_that_of_active_sets(tmp_path: Path) -> None:
     for seed in range(4):
         assert shares_of_the_bound(drawn(tmp_path, seed), 12).max() <= 1, seed

@@ -148,6 +148,7 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["arm.urdf", "quadruped.xml"])
 def test_junk_is_refused_or_read_and_crashes_nothing(tmp_path: Path, name: str) -> None:
     """Each time, one attribute anywhere holds something else."""

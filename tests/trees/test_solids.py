@@ -69,6 +69,7 @@ def solid(kind: str, *size: Fraction, shell: bool = False) -> Solid:
     return Solid(kind, size, (), None, Fraction(1), shell)
 
 
+@pytest.mark.ci
 @given(SIZES, SIZES, SIZES)
 def test_solids_weigh_what_their_slices_weigh(first: Fraction, second: Fraction, third: Fraction) -> None:
     a, b, c = map(float, (first, second, third))

@@ -234,6 +234,7 @@ def test_what_an_equality_does_is_no_part_of_what_a_wrist_transmits(rubbing: Ask
     }
 
 
+@pytest.mark.ci
 def test_a_check_of_a_file_compares_them(tmp_path: Path) -> None:
     (tmp_path / "robot.xml").write_text(RUBBING)
     done = harness("check", "robot.xml", "--quantity", "sensors", "--states", "16", "--json", "out.json", cwd=tmp_path)

@@ -60,6 +60,7 @@ def test_alike_to_rounding_is_no(folder: Path) -> None:
     assert (done.returncode, done.stdout) == (0, f"No: toy 1.1 does not change bar.urdf against 1.0; {same}\n")
 
 
+@pytest.mark.ci
 def test_a_number_that_no_acceleration_feels_is_told_and_ends_with_1(folder: Path) -> None:
     done = upgraded(folder, "1.1", "1.2")
     assert done.returncode == 1
@@ -73,6 +74,7 @@ def test_a_number_that_no_acceleration_feels_is_told_and_ends_with_1(folder: Pat
     assert (number["quantity"], number["owners"], number["before"], number["now"], number["felt"]) == ("gains", ["servo"], -5, -3.05, False)
 
 
+@pytest.mark.ci
 def test_a_reading_that_a_version_lost_or_got_is_told_with_its_effect_and_remedy(folder: Path) -> None:
     done = upgraded(folder, "1.4", "1.0")
     assert done.returncode == 0

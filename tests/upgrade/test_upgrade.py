@@ -47,6 +47,7 @@ def test_two_versions_that_do_alike_have_no_changes(library: Path) -> None:
     assert json.loads((library / "out.json").read_text())["summary"] == done.stdout.strip()
 
 
+@pytest.mark.ci
 def test_a_version_without_its_zeros_is_that_version(library: Path) -> None:
     done, _ = upgraded(library, "toy", "1", "1.1.0")
     assert done.stdout.startswith("No: toy 1.1 does not change bar_pendulum against 1.0")
