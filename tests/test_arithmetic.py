@@ -91,6 +91,7 @@ def test_operations_that_raise_flags_change_nothing() -> None:
     assert arithmetic.left == ""
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("place", "said"), [("at_import", "aaa.py: leaves"), ("at_load", "loading it leaves"), ("at_call", "leaves")])
 def test_who_leaves_other_rounding_behind_loses_the_own_record_alone(tmp_path: Path, place: str, said: str) -> None:
     planted = engine(**{place: ROUND.format(UPWARD)})

@@ -63,6 +63,7 @@ def test_readme_shows_what_its_command_prints() -> None:
     assert len(block.content.splitlines()) <= 12
 
 
+@pytest.mark.ci
 def test_the_picture_of_readme_is_current() -> None:
     from readme_picture import PICTURE, picture
 

@@ -61,6 +61,7 @@ def test_every_contract_is_kept() -> None:
     assert broken == set(), printed
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("contract", "module", "imported", "named"),
     [

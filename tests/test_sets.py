@@ -50,6 +50,7 @@ def test_every_name_that_a_report_gathers_verdicts_by_is_in_a_representative_mod
     assert chosen == set().union(*named.values())
 
 
+@pytest.mark.ci
 def test_every_kind_of_joint_is_in_a_representative_model() -> None:
     kinds = {(name, form): _kinds(name, form) for name, form in MODELS}
     chosen = set().union(*(found for (name, _), found in kinds.items() if BUILT_IN.system_of(name) in REPRESENTATIVE))

@@ -107,7 +107,7 @@ def lagrange_program(system: System, linear_velocity_in_body: bool = False) -> S
             velocity[place : place + 3] = velocity[place : place + 3] + turned
     # M is symmetric: column j below the diagonal is row j of the upper triangle.
     mass = [entry for j, rate in enumerate(rates) for entry in along(momenta[j:], {rate: one})]
-    depends = depending_on(builder, rates)
+    depends = depending_on(builder, rates, len(builder.instructions))
     if any(depends[entry.place] for entry in mass):
         return None
     outputs = {

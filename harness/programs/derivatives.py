@@ -10,6 +10,7 @@ Source: Griewank, Walther, Evaluating Derivatives, 2nd ed., sections 3.1 and 3.2
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import islice
 from typing import Any
 
 from harness.programs.program import Instruction, StraightLineProgram, earlier_results, without_unused
@@ -45,7 +46,7 @@ PARTIAL_DERIVATIVES: dict[str, Callable[..., tuple[Any, ...]]] = {
 def gradient(of: Term, variables: Sequence[Term]) -> list[Term]:
     """The derivatives of a term by inputs, by reverse accumulation."""
     builder = of.builder
-    depends, adjoint = depending_on(builder, variables), {of.place: builder.number(1)}
+    depends, adjoint = depending_on(builder, variables, of.place + 1), {of.place: builder.number(1)}
     for at in range(of.place, -1, -1):
         if at in adjoint and depends[at]:
             for operand, slope in _partials(builder, at, depends):
@@ -61,9 +62,10 @@ def along(terms: Iterable[Term], rates: Mapping[Term, Term]) -> list[Term]:
     if not terms:
         return []
     builder = terms[0].builder
-    depends, moved = depending_on(builder, rates), {term.place: rate for term, rate in rates.items()}
-    for at in range(max(term.place for term in terms) + 1):
-        if depends[at] and at not in moved:
+    depends = depending_on(builder, rates, max(term.place for term in terms) + 1)
+    moved = {term.place: rate for term, rate in rates.items()}
+    for at, is_moved in enumerate(depends):
+        if is_moved and at not in moved:
             total: Term | None = None
             for operand, slope in _partials(builder, at, depends):
                 product = slope * moved[operand]
@@ -74,10 +76,10 @@ def along(terms: Iterable[Term], rates: Mapping[Term, Term]) -> list[Term]:
     return [moved.get(term.place, zero) for term in terms]
 
 
-def depending_on(builder: Builder, inputs: Iterable[Term]) -> list[bool]:
-    """For each instruction, whether it rests on one of ``inputs``."""
+def depending_on(builder: Builder, inputs: Iterable[Term], count: int) -> list[bool]:
+    """For each of the first ``count`` instructions, whether it rests on one of ``inputs``."""
     chosen, depends = {term.place for term in inputs}, list[bool]()
-    for place, instruction in enumerate(builder.instructions):
+    for place, instruction in enumerate(islice(builder.instructions, count)):
         depends.append(place in chosen or any(depends[operand] for operand in earlier_results(instruction)))
     return depends
 

@@ -207,6 +207,7 @@ def test_a_check_is_a_table_of_records(tmp_path: Path) -> None:
         harness.check("bar_pendulum", mjcf=tmp_path / "none.xml", states=40)
 
 
+@pytest.mark.ci
 def test_a_diagnosis_names_line_and_value(tmp_path: Path) -> None:
     model = tmp_path / "heavier.xml"
     text = BUILT_IN.model_path("bar_pendulum", "mjcf").read_text()

@@ -89,6 +89,7 @@ def test_all_names_of_a_library_are_told(tmp_path: Path) -> None:
     assert harness.mechanisms(tmp_path) == ["own"]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["double_pendulum", "four_bar", "heavy_top", "chain_3", "free_body"])
 def test_other_values_give_the_mechanism_that_would_be_derived_from_them(name: str) -> None:
     """To the last bit of every field, which the derivation of a changed system has."""

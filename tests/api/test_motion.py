@@ -83,6 +83,7 @@ def test_a_motion_says_its_drift_and_draws_an_axis_for_each_unit() -> None:
     assert ball._repr_html_().count("<polyline") == 7
 
 
+@pytest.mark.ci
 def test_a_robot_moves_without_energies() -> None:
     robot = harness.load(ARM)
     motion = robot.simulate(np.full(robot.mechanism.nq, 0.1), np.zeros(robot.mechanism.nv), 0.5, steps=50)

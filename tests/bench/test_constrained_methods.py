@@ -108,6 +108,7 @@ def test_a_residual_that_tells_nothing_is_said_to() -> None:
     assert found["pinocchio constraintDynamics, default settings"].statement.startswith(f"{COUNT} of {COUNT} answers are not finite")
 
 
+@pytest.mark.ci
 def test_all_stages_leave_a_mechanism_without_gravity_as_it_is() -> None:
     methods = [METHODS[name] for name in ("mujoco batch", "mujoco batch, all stages on")]
     costs, found = acceleration_costs(scene("andrews_squeezer"), methods, Effort((COUNT,), COUNT, 3, 0.0), silent)
@@ -137,6 +138,7 @@ def test_what_is_of_trees_alone_is_not_asked_of_constraints() -> None:
     assert [cost.method for cost in asked["four_bar"]] == ["pinocchio constraintDynamics, mu 1e-6"]
 
 
+@pytest.mark.ci
 def test_a_method_that_is_not_for_the_system_is_told() -> None:
     study = BenchmarkStudy(BenchmarkSettings(library=LIBRARY, names=["four_bar"], methods=["pinocchio aba"]))
     with Workers(count=1) as workers:

@@ -209,6 +209,7 @@ def test_no_exponent_from_too_little() -> None:
     assert exponent((1, 2, 4, 8, 16), (1.0, 9.0, 1.0, 8.0, 16.0)) == pytest.approx(1.0)
 
 
+@pytest.mark.ci
 def test_growth_of_a_robot() -> None:
     found = robot_growth((1, 2), 0, 0.0, silent)
     assert found.sizes == [7, 14] and all(found.seconds_per_state)

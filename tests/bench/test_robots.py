@@ -74,6 +74,7 @@ def test_an_engine_that_is_wrong_has_a_large_error(monkeypatch: pytest.MonkeyPat
     assert (wrong.backward_error or 0.0) > 1e9 and all((cost.backward_error or 0.0) < AGREEMENT for cost in found.values())
 
 
+@pytest.mark.ci
 def test_a_motion_of_the_file_is_that_of_the_engine_in_small_steps() -> None:
     chosen = select_integrators(["mujoco RK4", "equations RK4", "equations Taylor"], ROBOTS)
     truth, costs, orders = motion_costs(scene(LEG), chosen, (1e-2, 1e-3), 0.5, 10.0, silent)

@@ -86,6 +86,7 @@ def test_each_solver_at_defaults_ends_by_its_tolerance(arm: Path, tmp_path: Path
     assert all(at_defaults[method] > min(cost.relative_error for cost in costs if cost.method == method) for method in ("CG", "PGS"))
 
 
+@pytest.mark.ci
 def test_a_solver_that_never_reaches_the_optimum_is_told(arm: Path, tmp_path: Path) -> None:
     """See docs/issues/mujoco-pgs-elliptic-cones.md."""
     path = tmp_path / "arm.xml"
@@ -104,6 +105,7 @@ def test_a_file_that_leaves_nothing_to_a_solver_says_so(tmp_path: Path) -> None:
     assert "nothing is left to a solver" in cost.note and not cost.states and cost.seconds_per_state is None
 
 
+@pytest.mark.ci
 def test_the_command_says_how_far_the_file_goes_and_what_each_method_needs(arm: Path) -> None:
     done = harness("bench", str(arm), "--solvers", "--methods", "mujoco", "--workers", "1")
     assert done.returncode == 0, done.output

@@ -109,6 +109,7 @@ def test_amplitudes_converge_to_the_reference(ways: tuple[str, ...]) -> None:
             assert figure.computed != figure.truth
 
 
+@pytest.mark.ci
 def test_the_reference_loses_no_energy_but_to_the_damper() -> None:
     mechanism = with_damping(Scene.of(LIBRARY, "cart_pendulum"), 0.2).mechanism
     true = true_ride(mechanism)

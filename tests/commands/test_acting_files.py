@@ -100,6 +100,7 @@ def test_a_solver_that_stops_early_is_no_agreement_and_no_fault(folder: Path, st
     assert "stops before the optimum that the engine documents" in first and 'set <option solver="Newton"' in first
 
 
+@pytest.mark.ci
 def test_a_solver_that_ends_elsewhere_is_red(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real = adapter.let_act
 

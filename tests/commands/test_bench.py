@@ -177,6 +177,7 @@ def test_parts_are_kept_as_they_come(invoke: Callable[..., Result], measure: Cal
     assert found is not None and found[1] == cost("collar")
 
 
+@pytest.mark.ci
 def test_the_page_holds_the_latest_run_and_benchmark_of_the_library(
     invoke: Callable[..., Result], measure: Callable[..., None], tmp_path: Path
 ) -> None:

@@ -244,6 +244,7 @@ def test_only_the_subject_that_is_wrong_is_not_asked_for_further_quantities(tmp_
     assert re.findall(r"^  (\S+): \d+ quantities agree", done.stdout, re.MULTILINE) == ["mujoco/mjcf"]
 
 
+@pytest.mark.ci
 def test_a_model_without_a_system_is_named(library: Path) -> None:
     shutil.copy(library / "mjcf" / "bar_pendulum.xml", library / "mjcf" / "orphan.xml")
     done = harness("check", "--library", str(library), "--states", "50", cwd=library)

@@ -55,6 +55,7 @@ def test_one_file_is_told_in_sections(tmp_path: Path) -> None:
     assert first in unescape(page) and "4. The rest" in page and "http-equiv" in page and "src=" not in page
 
 
+@pytest.mark.ci
 def test_files_of_one_robot_and_files_that_are_not(tmp_path: Path) -> None:
     same = harness("compare", str(ARM), str(FILES / "arm.xml"), "--states", "16", cwd=tmp_path)
     assert same.stdout.startswith("arm.urdf and arm.xml are the same robot (")

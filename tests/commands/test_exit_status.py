@@ -54,6 +54,7 @@ def library(tmp_path: Path) -> Path:
     return make_library(tmp_path / "library", ["bar_pendulum"])
 
 
+@pytest.mark.ci
 def test_an_interrupt_is_130(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "harness", "check", "--states", "100000", "--workers", "1"]
     with heeding_interrupts():

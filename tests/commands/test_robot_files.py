@@ -94,6 +94,7 @@ def test_the_engines_that_read_a_file_are_checked_at_sampled_and_searched_states
     assert {path.name for path in folder.iterdir()} == {"arm.urdf", "mimic.urdf", "framed.xml", "found.json"}
 
 
+@pytest.mark.ci
 def test_an_engine_is_judged_as_its_user_calls_it_and_its_readings_are_named(folder: Path) -> None:
     """Pinocchio's ABA applies no damping: it is another arm that it moves, which nobody may be told to agree."""
     done = harness("check", "arm.urdf", "mimic.urdf", "--states", "12", "--json", "found.json", cwd=folder)
@@ -273,6 +274,7 @@ def test_a_robot_that_floats_already_gets_no_second_floating_base(command: str, 
     assert 'cart.urdf:6: <joint name="base"> lets the robot float already; leave the floating base out' in done.stderr
 
 
+@pytest.mark.ci
 def test_a_floating_base_has_six_more_degrees_of_freedom(folder: Path) -> None:
     # A base without mass could turn about the first joint at no cost.
     inertial = '<inertial><mass value="2"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>'
@@ -392,6 +394,7 @@ def test_robots_of_a_library_stand_in_its_report(tmp_path: Path) -> None:
     assert done.returncode == 1 and "1 cannot be read" in done.stdout
 
 
+@pytest.mark.ci
 def test_a_trunk_that_hangs_on_the_world_is_told_by_a_check_too(folder: Path) -> None:
     ends = [(x, y) for x in ("left", "right") for y in ("front", "hind")]
     inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
@@ -410,6 +413,7 @@ def test_a_trunk_that_hangs_on_the_world_is_told_by_a_check_too(folder: Path) ->
 # Actuators
 
 
+@pytest.mark.ci
 def test_the_actuators_of_a_file_act_and_a_replay_gives_their_controls(folder: Path) -> None:
     shutil.copy(DRIVEN, folder)
     done = harness("check", "driven.xml", "--subject", "mujoco/mjcf", "--states", "16", "--json", "found.json", cwd=folder)

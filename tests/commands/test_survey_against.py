@@ -31,6 +31,7 @@ def survey(folder: Path, *options: str) -> Done:
     return harness("survey", "robots", *ASKED, *options, cwd=folder)
 
 
+@pytest.mark.ci
 def test_robots_that_are_as_they_were_are_counted(folder: Path) -> None:
     arm = folder / "robots" / "arm.urdf"
     arm.write_text(arm.read_text().replace("<robot", "<!-- with a remark -->\n<robot", 1))

@@ -51,6 +51,7 @@ def test_readings_that_cancel_are_named(monkeypatch: pytest.MonkeyPatch) -> None
     assert "  together they cancel: the answer is that of the file" in subject_lines(record)
 
 
+@pytest.mark.ci
 def test_a_reading_that_matters_only_beside_another_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     record = judged([TURNED, BACKWARDS], [TURNED, BACKWARDS], monkeypatch)
     assert record.explained and record.verdict == Verdict.DISAGREES and record.left is not None and record.left <= AGREEMENT

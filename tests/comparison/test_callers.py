@@ -84,6 +84,7 @@ def test_what_an_engine_elsewhere_leaves_out_is_a_reading_of_its_file_or_unexpla
     assert records["toy@1.2/urdf", "aided"].outcome == "agrees"
 
 
+@pytest.mark.ci
 def test_a_check_judges_a_plain_engine_elsewhere_as_a_comparison_does(toy: Path, tmp_path: Path) -> None:
     def checked(version: str, path: Path = BAR) -> Record:
         library = RobotLibrary.of([str(path)])

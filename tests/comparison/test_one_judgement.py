@@ -106,6 +106,7 @@ def test_an_error_that_a_number_explains_is_no_lost_digits_for_either(tmp_path: 
     assert compared.verdict == "disagrees" and any("3.00000003" in one for one in compared.rest)
 
 
+@pytest.mark.ci
 def test_a_file_that_compare_explains_is_as_expected_for_check(file: Path) -> None:
     records, _ = asked_by_both(file, "mjcf", 400)
     # The search comes upon hanging seats, which no sample does: what their weights leave where they cancel is granted.

@@ -266,6 +266,7 @@ def test_velocities_are_along_the_axes_of_the_body(path: Path, monkeypatch: pyte
     assert wrong.verdict == "disagrees" and not wrong.explained and wrong.rest
 
 
+@pytest.mark.ci
 def test_gauss_seidel_has_no_contacts() -> None:
     record = judge_switched_on(meant(robot_at(BALL), 16, seed=0), "pinocchio_pgs")
     assert record.explained and "contacts" not in {part.what for part in record.parts}

@@ -130,6 +130,7 @@ def test_a_number_of_a_class_is_one_number_at_the_line_of_the_class(tmp_path: Pa
     }
 
 
+@pytest.mark.ci
 def test_an_engine_that_leaves_a_number_out_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     real = case.ask_engine
 

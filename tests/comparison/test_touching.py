@@ -66,6 +66,7 @@ def test_mujoco_touches_as_it_documents(cone: str, tmp_path: Path) -> None:
     assert with_those_on(record) == "With the file's 1 joint limit and contacts on "
 
 
+@pytest.mark.ci
 def test_what_is_on_is_not_told_as_off(tmp_path: Path) -> None:
     path = written(tmp_path)
     record, left_out = held_by(path), meant_by(path).robot.left_out
@@ -188,6 +189,7 @@ def test_a_contact_that_is_another_at_one_state_of_those_alike_is_red(tmp_path: 
     assert planted and (record.verdict, record.explained) == (Verdict.DISAGREES, False)
 
 
+@pytest.mark.ci
 def test_a_contact_that_is_dropped_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     call_engines_here(monkeypatch)
     found = adapter.found_contacts

@@ -102,6 +102,7 @@ def test_rows_without_any_roundoff_count_only_where_they_are_open() -> None:
     assert "is open by 1e-12" in remark_on(assignment.mechanism, still, opened)
 
 
+@pytest.mark.ci
 def test_a_body_that_only_another_reader_needs_is_not_superfluous(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """MuJoCo does without a body for the ground; Pinocchio reads the first body of the world alone."""
     monkeypatch.setattr(superfluous_parts, "read_entry", lambda path: None)

@@ -128,6 +128,7 @@ def test_the_truth_is_certified_once_per_frame_and_block(monkeypatch: pytest.Mon
     assert sizes == [BLOCK] * 4
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["double_pendulum", "heavy_top"])
 def test_the_search_beats_a_sample_of_as_many_states(name: str) -> None:
     """Over five seeds and the subjects of both engines; a search that does not climb does not."""

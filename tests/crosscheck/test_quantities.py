@@ -64,6 +64,7 @@ def test_what_floats_and_has_no_joint_is_unsupported_with_the_reason() -> None:
     assert "all are free" in records["mujoco/mjcf"].message
 
 
+@pytest.mark.ci
 def test_an_engine_that_offers_no_reactions_is_unsupported(tmp_path: Path) -> None:
     silent = changed_engine("").replace(
         "return model", "from types import SimpleNamespace as M; return M(loaded=model.loaded, forward_dynamics=answer)"

@@ -88,6 +88,7 @@ def test_a_gravity_that_tilts_out_of_the_plane_is_named(library: Path) -> None:
     assert "gravity is 0 1e-09 -9.81 (mujoco/mjcf, pinocchio/mjcf), but 0 0 -9.81 (mujoco/urdf, pinocchio/urdf)" in str(finding)
 
 
+@pytest.mark.ci
 def test_a_hinge_whose_coordinate_passes_for_a_length_is_named(tmp_path: Path) -> None:
     library = make_library(tmp_path / "library", ["atwood"])
     path = library / "systems" / "atwood.py"

@@ -193,6 +193,7 @@ def test_list_and_show_tell_of_it(root: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "") and f"{VARIANT}.xml" in done.stdout and "urdf" not in done.stdout
 
 
+@pytest.mark.ci
 def test_a_report_counts_no_format_that_a_variant_does_not_stand_in_as_missing(root: Path) -> None:
     settings = Settings(library=Library.at(root), names=[NAME, VARIANT], states=40, examples=None)
     _, study = cross_checked(settings)

@@ -157,6 +157,7 @@ def test_a_number_that_should_be_zero_is_found(name: str, model_format: str, siz
     assert (attribute, 0, 0.0) in found
 
 
+@pytest.mark.ci
 def test_gravity_and_an_offset_that_no_acceleration_tells_apart_are_one_class() -> None:
     diagnosis = case("simple_pendulum", "mjcf").diagnosis(('gravity="0 0 -9.81"', 'gravity="1e-7 0 -9.81"'))
     assert {("option", "gravity"), ("inertial", "pos")} <= {one.place.key[1:] for one in diagnosis.explaining}
@@ -384,6 +385,7 @@ def test_what_a_pendulum_determines_is_known_from_theory() -> None:
         assert np.linalg.norm(made - bar[place].values) <= 1e-6 * bar[place].norm
 
 
+@pytest.mark.ci
 def test_what_a_two_link_arm_determines_is_known_from_theory() -> None:
     """In its plane each link has a moment, two first moments and a mass; the first link's mass and moment count once together.
 

@@ -82,6 +82,7 @@ def test_a_function_controls_no_engine_elsewhere(folder: Path) -> None:
         api.drift(folder / "a.xml", by=("mujoco", "mujoco@3.13.0"), control=lambda t, q, v: {}, seconds=0.08)
 
 
+@pytest.mark.ci
 def test_sampled_orders_are_near_the_exact_shares(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "b.xml").write_text(planted("cart", [DriftCause.GEAR, DriftCause.DAMPING, DriftCause.FRICTION, DriftCause.ARMATURE]))
     settings = DriftSettings(sides(folder), 0.1)

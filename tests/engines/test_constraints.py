@@ -420,6 +420,7 @@ def test_pinocchios_default_settings_give_nan_without_a_word() -> None:
         assert np.isnan(solved(**told)[2]).all()
 
 
+@pytest.mark.ci
 def test_the_residual_of_pinocchios_iterations_tells_right_from_wrong_by_nothing() -> None:
     (right, columns, good), (wrong, _, bad) = (solved(mu=1e-6, iterations=count) for count in (50, 1))
     assert error_of(good) < BAR < 1e5 * BAR < error_of(bad)

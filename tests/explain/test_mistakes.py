@@ -323,6 +323,7 @@ def test_principal_axes_that_were_forgotten_stand_where_their_rotation_would(mod
     assert mends & {place.key for place in planted.places}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("model_format", FORMATS)
 def test_a_free_candidate_at_its_start_is_the_file_as_it_is(model_format: str) -> None:
     for model in [*(healthy(system, model_format) for system in SYSTEMS), turned(model_format)]:

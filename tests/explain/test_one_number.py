@@ -45,6 +45,7 @@ def random() -> np.random.Generator:
     return np.random.default_rng(5)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("largest", [1.0, 1e4, 1e9])
 def test_rounding_has_no_direction(random: np.random.Generator, largest: float) -> None:
     """Of 5,000 numbers none explains errors that are as large as their states' conditioning lets them be, at some states or at all."""

@@ -785,6 +785,7 @@ def test_compare_takes_it_beside_an_mjcf(tmp_path: Path) -> None:
     assert done.output.startswith("arm.xml and arm.usda are the same robot"), done.output
 
 
+@pytest.mark.ci
 @settings(max_examples=200, deadline=None)
 @given(
     seed=st.integers(0, 10**6),

@@ -156,6 +156,7 @@ def test_single_precision_disagrees_wherever_the_mass_matrix_is_not_exact_in_it(
     _judge_single_precision(planted, easy)
 
 
+@pytest.mark.ci
 def test_a_flipped_coriolis_term_disagrees_wherever_there_is_one(planted: Library, easy: Sampled) -> None:
     _judge_flipped(planted, easy)
 

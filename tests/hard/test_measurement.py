@@ -88,6 +88,7 @@ def test_a_parameter_ten_times_beyond_what_its_roundoff_can_show_is_no_lost_digi
         assert judged_row(case_name, subject, truths, planted).problems, f"{name} off by {off:.2g} of itself"
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("case", "subject", "quantity", "verdict"),
     [

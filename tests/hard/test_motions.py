@@ -82,6 +82,7 @@ def test_chaotic_motions_part_at_the_rate_of_a_nudged_start(chaos: list[Parting]
         assert parting.verdict == "agrees"
 
 
+@pytest.mark.ci
 def test_an_engine_with_a_fault_far_below_plotting_accuracy_parts_too_soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """A relative error of 1e-11 in where it starts is no rounding: it shows as parting sooner than 64 roundoffs explain."""
     [sound] = select_integrators(["equations RK4"])

@@ -78,6 +78,7 @@ def test_a_search_is_ten_times_worse_than_chance_and_replays(tmp_path: Path) -> 
     assert again.returncode == 0 and record["verdict"] == "explained" and record["backward_error"] == found
 
 
+@pytest.mark.ci
 def test_states_that_a_search_begins_with_touch(tmp_path: Path) -> None:
     own = assignment(written(tmp_path))
     begun, _ = touched(own, 16, 0)
@@ -96,12 +97,14 @@ def test_a_solver_that_goes_to_the_end_agrees_at_contacts(tmp_path: Path) -> Non
     assert record["componentwise_error"] is None and "componentwise" not in done.stdout
 
 
+@pytest.mark.ci
 def test_who_has_no_contacts_is_said_first(tmp_path: Path) -> None:
     written(tmp_path, TO_THE_END)
     done = harness("check", "hopper.xml", "--contacts", "--states", "8", cwd=tmp_path)
     assert done.stdout.splitlines()[0].endswith("contacts in pinocchio)."), done.stdout + done.stderr
 
 
+@pytest.mark.ci
 def test_a_contact_that_rubs_otherwise_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     own = assignment(written(tmp_path, TO_THE_END))
     states = own.truth.asked_at(generic_sample(own.mechanism, 64, 0))

@@ -39,6 +39,7 @@ def search(folder: Path, settings: str) -> tuple[str, dict[str, object]]:
     return done.stdout, json.loads((folder / "found.json").read_text())["search"]
 
 
+@pytest.mark.ci
 def test_a_solver_that_stops_early_is_found_with_what_to_set(tmp_path: Path) -> None:
     told, found = search(tmp_path, STOPS_EARLY)
     first = told.splitlines()[0]

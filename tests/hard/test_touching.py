@@ -15,6 +15,7 @@ from harness.hard.touching import rigid_cases
 FAR = ("Painleve", "bouncing", "Newton", "block that barely", "grazing", "bounce")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", [one for one in rigid_cases() if not one.startswith(FAR)])
 def test_mujoco_comes_near_rigid_motions(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     found = distances(rigid_cases()[name], monkeypatch)

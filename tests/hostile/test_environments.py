@@ -80,6 +80,7 @@ def test_a_pool_that_cannot_grow_goes_on_with_what_it_has(monkeypatch: pytest.Mo
         list(workers.run([Task(0, work.own_process, ())]))
 
 
+@pytest.mark.ci
 def test_no_file_to_be_had_is_named(tmp_path: Path) -> None:
     done = shell(f"ulimit -n 9; harness {CHECK}", tmp_path)
     assert done.returncode == 2

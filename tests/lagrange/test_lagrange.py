@@ -191,6 +191,7 @@ def check_equations(system: System, exact: Any) -> None:
     same_at_every_state()
 
 
+@pytest.mark.ci
 def test_built_in_equations_are_those_of_two_other_ways(built_in_system: System, built_in_exact: Any) -> None:
     check_equations(built_in_system, built_in_exact)
 

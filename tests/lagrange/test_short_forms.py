@@ -82,6 +82,7 @@ def test_a_long_product_is_left_as_it_is() -> None:
     assert shortest([written]) == [written]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["furuta_pendulum", "tora"])
 def test_equations_are_as_short_as_sympy_makes_them(name: str) -> None:
     (system, *_), _ = load_atlas(Library.built_in().system_path(name))

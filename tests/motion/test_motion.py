@@ -70,6 +70,7 @@ def test_costs_of_the_cart_fall_with_the_step(measured: Measured) -> None:
         assert (rows[2].energy_error or 1.0) < (rows[0].energy_error or 0.0) / 10
 
 
+@pytest.mark.ci
 def test_a_wrong_claim_of_an_order_is_seen(cart: Scene, judge: MotionJudge) -> None:
     sweep = [cost for cost in _costs(cart, RUNGE_KUTTA.name) if cost.step]
     order = measured_order(replace(RUNGE_KUTTA, order=3), RUNGE_KUTTA.prepare(cart), judge, sweep, 2.0)
@@ -177,6 +178,7 @@ def test_symplectic_energy_is_bounded_and_that_of_runge_kutta_drifts(cart: Scene
     assert found["mujoco discrete"].largest > 0.3
 
 
+@pytest.mark.ci
 def test_theory_issilent_where_all_error_is_rounding() -> None:
     """On a linear system the midpoint rule keeps the energy exactly, so that what is left walks at random."""
     scene = Scene.of(LIBRARY, "spring_damper")

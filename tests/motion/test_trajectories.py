@@ -174,6 +174,7 @@ def test_chaos_ends_the_horizon() -> None:
     assert reference.error <= TRUSTED_ERROR < reference.errors[beyond].max()
 
 
+@pytest.mark.ci
 def test_free_body_keeps_its_angular_momentum_across_charts() -> None:
     """Thrown with a spin about its middle axis it tumbles through the singularities of both charts."""
     mechanism = mechanism_named("free_body")

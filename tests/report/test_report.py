@@ -182,6 +182,7 @@ def test_derivation_and_compilation_are_timed(files: dict[str, str], page: Page)
     assert json.loads(files["report.json"])["systems"][0]["compilation_seconds"] == 0.25
 
 
+@pytest.mark.ci
 def test_changes_and_trend_need_history(files: dict[str, str]) -> None:
     page = Page(files["changes.html"])
     changed = page.text.rpartition("Changed since the last run")[2]

@@ -173,6 +173,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_wrong_number_is_red(name: str, tmp_path: Path) -> None:
     own, old, new = FAULTS[name]

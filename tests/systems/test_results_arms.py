@@ -173,6 +173,7 @@ def configurations(n: int, count: int = 20) -> np.ndarray:
     return np.random.default_rng(560).uniform(-pi, pi, (count, n))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", TABLES)
 def test_mass_and_gravity_follow_from_jacobians_along_the_published_table(name: str) -> None:
     table = TABLES[name]

@@ -150,6 +150,7 @@ def test_the_optimum_is_that_of_another_evaluation_at_many_states(cone: str, rat
     assert farthest(tmp_path, cone, ratio, 400) < _DIGITS
 
 
+@pytest.mark.ci
 def test_bounds_of_double_double_prove_what_balls_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stepped = Stepped(written(tmp_path, "elliptic", 10, 5))
     at, found = zip(*((one[0], one[1]) for _ in range(24) if len((one := stepped.answer())[1])), strict=True)

@@ -322,6 +322,7 @@ def test_the_optimum_is_that_of_active_sets_at_ten_thousand_states(part: int, tm
 _CHANGE = 2.0**-80
 
 
+@pytest.mark.ci
 def test_the_data_roundoff_is_that_of_difference_quotients(tmp_path: Path) -> None:
     """Of positions, velocities, forces, the numbers of bodies and those of rows, on the side that each row is on."""
     for seed in (0, 3):
@@ -396,6 +397,7 @@ def test_the_optimum_of_a_robot_is_that_of_active_sets(name: str) -> None:
     assert shares_of_a_file(path, 6).max() <= 1 and rows_of(read_robot(path))
 
 
+@pytest.mark.ci
 def test_half_of_the_bound_would_not_hold(tmp_path: Path) -> None:
     """In balls it is what high + low loses; in double-double running errors are some hundred times what is lost."""
     shares = np.concatenate([shares_of_the_bound(drawn(tmp_path, seed, ("friction",)), 12, in_balls=True) for seed in range(2)])

@@ -125,6 +125,7 @@ def test_bounds_of_inertias_are_those_of_mujoco(options: str, tmp_path: Path) ->
     assert compare(reference.evaluate(states), by_mujoco(model, states)).backward_error.max() < 64
 
 
+@pytest.mark.ci
 def test_the_humanoid_is_that_of_mujoco_and_of_pinocchio() -> None:
     robot = read_robot(FILES / "humanoid.xml")
     reference = ReferenceKernel(mechanism_of(robot))

@@ -114,6 +114,7 @@ def test_a_pendulum_has_the_sensors_of_the_textbook() -> None:
     np.testing.assert_allclose(own.evaluate(states).high, np.array(expected).transpose(2, 0, 1), rtol=0, atol=1e-13 * 200)
 
 
+@pytest.mark.ci
 def test_what_a_trunk_gets_is_what_the_momenta_of_all_gain() -> None:
     """Force and moment on the first body, by differences of the momenta of the whole tree along the motion."""
     text, step = everything(), 1e-6

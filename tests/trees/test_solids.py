@@ -92,6 +92,7 @@ def test_solids_weigh_what_their_slices_weigh(first: Fraction, second: Fraction,
         np.testing.assert_allclose(weighed(body), inertia(expected), rtol=1e-13, err_msg=kind)
 
 
+@pytest.mark.ci
 @given(SIZES, SIZES, SIZES)
 def test_shells_weigh_what_their_rings_and_faces_weigh(first: Fraction, second: Fraction, third: Fraction) -> None:
     a, b, c = map(float, (first, second, third))

@@ -167,6 +167,7 @@ def test_rows_with_a_function_that_has_no_code_are_closed_in_balls() -> None:
     np.testing.assert_array_equal(states.q, plain.q)
 
 
+@pytest.mark.ci
 def test_a_state_is_the_same_alone_and_among_others() -> None:
     mechanism = load_mechanism(BUILT_IN, "bricard")
     states = sample(mechanism, 7, seed=8)

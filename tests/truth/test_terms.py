@@ -456,6 +456,7 @@ def test_a_term_that_is_no_number_is_an_error() -> None:
     assert finding.worst_state["q"] == generic_sample(load_mechanism(BUILT_IN, "arm_2r"), POSITIONS, 0).q[3].tolist()
 
 
+@pytest.mark.ci
 def test_digits_that_solving_loses_show_no_wrong_term() -> None:
     mechanism = load_mechanism(BUILT_IN, "chain_12")
     model = load(Subject("mujoco", "mjcf"), mechanism)

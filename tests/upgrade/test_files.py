@@ -88,6 +88,7 @@ def test_a_reading_that_a_version_lost_or_got_is_told_with_its_effect_and_remedy
     assert "  new: The toy before 1.5 applies no damping: 1 joint" in done.stdout and "; add it to tau\n" in done.stdout
 
 
+@pytest.mark.ci
 def test_a_misreading_that_a_version_lost_or_got_is_told(folder: Path) -> None:
     done = upgraded(folder, "1.7", "1.0")
     assert done.returncode == 0 and "; 1.7 misreads by up to " in done.stdout
@@ -103,6 +104,7 @@ def test_what_becomes_better_beside_what_nobody_judges_is_no_improvement(folder:
     assert done.stdout.startswith("Yes: toy 1.0 changes bar.urdf against 1.6: ") and "\nbar.urdf, toy/urdf: changed\n" in done.stdout
 
 
+@pytest.mark.ci
 def test_a_wrong_number_is_for_the_worse(folder: Path) -> None:
     done = upgraded(folder, "1.0", "1.3")
     assert done.returncode == 1
@@ -128,6 +130,7 @@ def test_what_was_not_asked_about_stands_in_the_first_lines_and_must_be_allowed(
     assert upgraded(folder, "1.1", "1.2", str(path), "--allow-uncompared").returncode == 1
 
 
+@pytest.mark.ci
 def test_robots_of_several_folders_and_of_one_name_are_told_apart(folder: Path, tmp_path: Path) -> None:
     for place in ("old", "new"):
         (tmp_path / place).mkdir()

@@ -83,6 +83,7 @@ def test_what_becomes_better_is_told_and_ends_well(library: Path) -> None:
     assert "  no longer: gravity: force on pin is wrong" in done.stdout
 
 
+@pytest.mark.ci
 def test_a_refusal_is_a_change(library: Path) -> None:
     done, changes = upgraded(library, "toy-engine", "1.0", "1.5")
     assert done.returncode == 1
@@ -109,6 +110,7 @@ def test_a_cost_is_told_where_it_is_asked_for_and_counts_against_nobody(library:
     assert done.returncode == 0 and "\n  time per state: " in done.stdout
 
 
+@pytest.mark.ci
 def test_a_red_check_of_a_version_ends_with_the_command_that_diagnoses_that_version(library: Path) -> None:
     done = harness("check", "bar_pendulum", "--library", str(library), "--subject", "toy@1.2/urdf", "--states", "40", cwd=library)
     [command] = re.findall(r"^the whole diagnosis: harness (.*)$", done.stdout, re.MULTILINE)

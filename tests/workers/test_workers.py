@@ -291,6 +291,7 @@ def test_time_spent_waiting_for_a_processor_is_not_the_tasks(compute: Callable[.
             other.communicate()
 
 
+@pytest.mark.ci
 def test_a_process_that_hangs_gets_no_further_task() -> None:
     outcomes = outcomes_of(Task(0, work.hang_holding_the_lock, ()), Task(1, work.own_process, ()), time_limit=0.5)
     assert str(outcomes[0].crash) == f"exceeded its time limit of 0.5 s; {MORE_TIME}"
