@@ -175,7 +175,7 @@ def test_the_action_says_what_a_pull_request_changes(tmp_path: Path, pull_reques
     runner = Runner(tmp_path, *pull_request, files="robots", states="8", comment="true")
     assert runner.run(INSTALL) == 0, runner.said
     summary = runner.summary.read_text()
-    assert summary.startswith("**1 of 2 robots is other than in ")
+    assert summary.startswith("**1 of 2 robots differs from ")
     changed = [line for line in summary.splitlines() if "forearm" in line]
     assert len(changed) == 1 and "robots/arm.urdf:26" in changed[0] and "changes qdd by " in changed[0]
     assert re.search(

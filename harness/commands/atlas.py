@@ -24,9 +24,10 @@ SECTION = STUDIES
 def command(
     bracket: Bracket, cases: tuple[str, ...], subjects: tuple[str, ...], quantities: tuple[str, ...], motion: bool, contact: bool
 ) -> None:
-    """Check every subject along families of hard cases.
+    """Make mechanisms harder until engines break.
 
-    Measures all CASEs (harness list cases) unless some are named, and adds them to the report.
+    Each CASE turns one knob, such as a stiffness or the number of links. All of `harness list cases` are measured unless some are named,
+    and the results go into the report.
 
     \b
     Examples:

@@ -63,11 +63,10 @@ class BenchOptions:
 @time_limit_option(None, shown="300, with --profile nightly 3600")
 @computing(directory=True, detail=True, floating_base=True, aided=True)
 def command(bracket: Bracket, asked: BenchOptions) -> None:
-    """Measure cost against error of every method.
+    """Measure the cost and the error of every method.
 
-    Measures every mechanism unless NAMEs are given, and adds the result to the report.
-    Of a robot's FILE it measures the engines that read it, as their user calls them, and leaves
-    the report as it is; with --motion they are aided.
+    All mechanisms are measured unless some are named, and the results go into the report. For a robot's FILE the command measures the
+    engines that read it, called as a user calls them; with --motion they are given what their readers leave out. The report stays as it is.
 
     \b
     Examples:

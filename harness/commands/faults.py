@@ -76,13 +76,14 @@ class FaultOptions:
 @takes(FaultOptions)
 @computing(time_limit=36000.0, scheduler=True)
 def command(bracket: Bracket, asked: FaultOptions) -> None:
-    """Plant faults in the models and count what is caught.
+    """Plant mistakes in models, and count those that are found.
 
-    Plants every kind of fault in the models of NAMEs, or of every mechanism, and prints what is caught and named.
-    Exit status 0 where every fault is caught that changes the dynamics, 95 % of those diagnosed are named first or in
-    their class, and nobody sound is blamed. With --smallest, --subject chooses whose answers are asked.
-    Of a robot's FILE the numbers of actuators, dry friction, limits and equalities are planted, each
-    10 times above what data roundoff hides and by 1 %; a kind is an attribute, as gear or solreflimit.
+    Every kind of mistake is planted in the models of NAMEs, or of all mechanisms. In a robot's FILE it is the numbers of actuators, dry
+    friction, limits and equalities, each changed by 1 % and by 10 times what data roundoff can hide; there a kind is an attribute, such as
+    gear or solreflimit. With --smallest, each number is changed by less and less until no check sees it.
+
+    Exit status: 0 if every mistake that changes the dynamics is caught, 95 % of those diagnosed are named first or in their class, and no
+    sound party is blamed; else 1.
 
     \b
     Examples:

@@ -56,13 +56,11 @@ STEP_SUMMARY = "GITHUB_STEP_SUMMARY"
 @time_limit_option(None, shown="of each stage")
 @computing(scheduler=True, directory=True)
 def command(bracket: Bracket, names: tuple[str, ...], stages: tuple[str, ...], resume: bool, **asked: Any) -> None:
-    """Run everything in one night that can be killed.
+    """Run everything in a night that may be killed.
 
-    Cross-check, atlas, survey, benchmark and a sample of the fault campaign, each unit stored
-    as soon as it is complete: a system, a case, a robot, a model. Of those under way each answer is
-    kept, such as that of a batch of states. With --resume a night that was killed goes on where it
-    was. The folder of the report gets the page, a summary (nightly.md, also for the step of a
-    GitHub workflow), nightly.xml for CI (JUnit), and what is new since the last night.
+    Cross-check, atlas, survey, benchmark and a sample of the fault campaign. Each system, case, robot and model is stored when it is
+    complete, and its answers as they come in; --resume goes on from there. The folder of the report gets the page, a summary (nightly.md,
+    which is also the summary of a GitHub step), nightly.xml for CI (JUnit), and what is new since the last night.
 
     \b
     Examples:

@@ -37,11 +37,11 @@ class SearchOptions:
 @takes(SearchOptions)
 @computing(time_limit=600.0, scheduler=True, floating_base=True, aided=True)
 def command(bracket: Bracket, asked: SearchOptions) -> None:
-    """Search for the hardest states of NAME.
+    """Search for the states at which an engine is most wrong.
 
-    Stores with the system the states at which each subject does worst; every later run compares them again.
-    Those of a robot's FILE, which is searched with its actuators, dry friction, limits and equalities on, go to hard_states/ beside it.
-    With --contacts its bodies touch at most of them: the search goes around configurations to which the engine's own steps lead.
+    The worst states of each subject are stored with the mechanism, and every later check compares them again. A robot's FILE is searched
+    with its actuators, dry friction, limits and equalities on; its states are stored in hard_states/ beside it. With --contacts the search
+    starts from configurations in which bodies touch, which the engine's own steps have reached.
 
     \b
     Examples:

@@ -54,15 +54,15 @@ class UpgradeOptions:
 @takes(UpgradeOptions)
 @computing(time_limit=60.0, scheduler=True, floating_base=True, detail=True)
 def command(bracket: Bracket, asked: UpgradeOptions) -> None:
-    """Say whether a new version of an engine changes robots.
+    """Say whether a new version of an engine changes your robots.
 
-    Both versions are asked about the same mechanisms, or robots' FILEs, at the same states, as their user calls them. Compared are
-    verdicts and errors, what each version makes of the file, the numbers that it holds after loading, those of actuators and contacts
-    among them, and the accelerations without contacts. Of an MJCF's contacts it is told whether their points, their law or what the solver
-    makes of it changed, with the shapes that touch. What is not compared is said; --verbose tells what it costs, too.
+    Both versions are asked about the same mechanisms, or robots' FILEs, at the same states, called as a user calls them. The command
+    compares their verdicts and errors, how each version reads the file, the numbers that it holds after loading (those of actuators and
+    contacts too), and the accelerations without contacts. For the contacts of an MJCF it says which shapes touch and what changed: the
+    points, the law, or the solver. It also says what it did not compare. --verbose adds the costs.
 
-    A version that is not installed beside the harness is one of `harness engines add`; 3.13 is 3.13.0.
-    With --bisect, the versions in between that the package index offers are installed as they are needed.
+    Install a version that is not beside the harness with `harness engines add`; 3.13 means 3.13.0. --bisect installs the versions in
+    between from the package index as it needs them.
 
     \b
     Examples:

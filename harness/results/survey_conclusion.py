@@ -23,7 +23,7 @@ _UNREAD, _UNEXPLAINED, _REFUSED, _UNASKED, _OTHERWISE, _STILL, _AGREES = (
     ("{} has an answer that no known reading explains", "{} have an answer that no known reading explains"),
     ("{} is not answered by every engine", "{} are not answered by every engine"),
     ("no engine of the run reads {}", "no engine of the run reads {}"),
-    ("{} is read otherwise than written, for a known reason", "{} are read otherwise than written, for a known reason"),
+    ("on {} an engine differs from the file for a known reason", "on {} an engine differs from the file for a known reason"),
     ("{} holds nothing that moves", "{} hold nothing that moves"),
     ("every engine agrees on {}", "every engine agrees on {}"),
 )
@@ -152,9 +152,9 @@ def conclude_changes(found: FilesComparison, now: Sequence[str], before: Mapping
                 rows.append(f"  engines: {'; '.join(own or same) or 'none was asked'}{how}")
     count = counted(len(files), "robot")
     if not changed:
-        return Conclusion(f"{count}: none is other than in {where}.")
-    verb = "is" if len(changed) == 1 else "are"
-    return Conclusion(f"{len(changed)} of {count} {verb} other than in {where}: {first_of(changed, MOST_COUNTED)}.", rows)
+        return Conclusion(f"{count}: none differs from {where}.")
+    verb = "differs" if len(changed) == 1 else "differ"
+    return Conclusion(f"{len(changed)} of {count} {verb} from {where}: {first_of(changed, MOST_COUNTED)}.", rows)
 
 
 def _robot_changed(now: FileRecord | None, was: FileRecord | None, pair: PairRecord | None, was_there: bool) -> str:

@@ -381,7 +381,7 @@ def test_robots_of_a_library_stand_in_its_report(tmp_path: Path) -> None:
     assert "leaves a mimic joint free" in page and "Robots of the mine library" in (tmp_path / "out" / "robots.html").read_text()
     told = json.loads((tmp_path / "out.json").read_text())["robots"]
     assert {one["engine"] for one in told["subjects"]} == {"mujoco", "pinocchio"}
-    counted = "1 robot: 1 is read otherwise than written, for a known reason."
+    counted = "1 robot: on 1 an engine differs from the file for a known reason."
     with_all_on = (
         "With equalities and joint limits on, 1 of 1 answers agree with the documentation of the engine; they move qdd by more than 1 %"
     )

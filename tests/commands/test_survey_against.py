@@ -1,4 +1,4 @@
-"""``harness survey --against``: which robots are other than in an earlier state of the folder, and what of them."""
+"""``harness survey --against``: which robots differ from an earlier state of the folder, and what of them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_robots_that_are_as_they_were_are_counted(folder: Path) -> None:
     arm.write_text(arm.read_text().replace("<robot", "<!-- with a remark -->\n<robot", 1))
     done = survey(folder)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[0] == "3 robots: none is other than in old."
+    assert done.stdout.splitlines()[0] == "3 robots: none differs from old."
     assert not (folder / "reports").exists()
 
 
@@ -47,7 +47,7 @@ def test_what_came_what_went_and_what_cannot_be_read_any_more_is_told(folder: Pa
     (robots / "quadruped.xml").unlink()
     (robots / "arm.urdf").write_text((robots / "arm.urdf").read_text().replace('<mass value="4"/>', '<mass value="four"/>'))
     lines = survey(folder).stdout.splitlines()
-    assert lines[0] == "3 of 3 robots are other than in old: robots/arm.urdf, robots/quadruped.xml, robots/second.urdf."
+    assert lines[0] == "3 of 3 robots differ from old: robots/arm.urdf, robots/quadruped.xml, robots/second.urdf."
     assert lines[1].startswith("  robots/arm.urdf: cannot be read: line 26: ")
     assert lines[3] == "  robots/quadruped.xml: no longer there."
     assert lines[4] == "  robots/second.urdf: new."
@@ -57,17 +57,17 @@ def test_what_came_what_went_and_what_cannot_be_read_any_more_is_told(folder: Pa
 def test_a_file_that_another_includes_makes_it_another_robot(folder: Path) -> None:
     (folder / "robots" / "part.xml").write_text("<mujoco><option gravity='0 0 -1.62'/></mujoco>")
     done = survey(folder, "--json", "out.json", "--markdown", "out.md")
-    assert done.stdout.startswith("1 of 3 robots is other than in old: robots/bar.xml.\n  robots/bar.xml: ")
+    assert done.stdout.startswith("1 of 3 robots differs from old: robots/bar.xml.\n  robots/bar.xml: ")
     [pair] = json.loads((folder / "out.json").read_text())["pairs"]
     assert not pair["same"]
     text = (folder / "out.md").read_text()
-    assert text.startswith("**1 of 3 robots is other than in old: robots/bar.xml.**\n\n- robots/bar.xml: ")
+    assert text.startswith("**1 of 3 robots differs from old: robots/bar.xml.**\n\n- robots/bar.xml: ")
     assert "\n  - engines: pinocchio/mjcf " in text and "| quadruped.xml |" in text
 
 
 def test_the_earlier_state_may_lie_in_a_place(folder: Path) -> None:
     done = harness("survey", ".", *ASKED, cwd=folder)
-    assert done.stdout.splitlines()[0] == "3 robots: none is other than in old."
+    assert done.stdout.splitlines()[0] == "3 robots: none differs from old."
 
 
 @pytest.mark.parametrize(

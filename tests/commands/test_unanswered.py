@@ -74,7 +74,7 @@ def test_a_survey_counts_the_files_that_it_could_not_read(tmp_path: Path) -> Non
     (tmp_path / "bad.urdf").write_text("<robot><a")
     done = harness("survey", ".", "--states", "8", cwd=tmp_path)
     assert done.returncode == 1
-    said = "3 robots: 1 cannot be read; 1 is read otherwise than written, for a known reason; 1 holds nothing that moves."
+    said = "3 robots: 1 cannot be read; on 1 an engine differs from the file for a known reason; 1 holds nothing that moves."
     assert done.stdout.startswith(
         f"{said} With dry friction and joint limits on, 1 of 1 answers agree with the documentation of the engine"
     )

@@ -221,7 +221,7 @@ def test_a_survey_counts_robots_by_what_is_to_be_done() -> None:
     found = conclude_survey(FilesComparison(files=[FILE, *others, bad], subjects=subjects))
     assert found.sentence == (
         "5 robots: 1 cannot be read; 1 has an answer that no known reading explains; 1 is not answered by every engine; "
-        "1 is read otherwise than written, for a known reason; every engine agrees on 1."
+        "on 1 an engine differs from the file for a known reason; every engine agrees on 1."
     )
     assert found.rows == ["MuJoCo: agrees 1; refused 1", "Pinocchio: explained 1 (joint damping 1); unexplained 1 (joint damping 1)"]
 
