@@ -191,7 +191,8 @@ def felt_least_inertia(watch: Watch, side: ModelSide) -> TriedChange | None:
         if attribute.name in INERTIAS.get((model.format, element.tag), ())
     ]
     least = [(attribute, numbers) for attribute, numbers in held if numbers]
-    if not least:
+    # What agrees with them does not feel them.
+    if not least or side.before <= side.limits.tolerance:
         return None
     doubled = {number: 2 * LEAST for _, numbers in least for number in numbers}
     twice = watch.accelerations(with_values(model.text, doubled))

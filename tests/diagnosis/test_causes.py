@@ -15,10 +15,17 @@ from harness.crosscheck.settings import Settings
 from harness.diagnosis import causes
 from harness.diagnosis.causes import EVALUATIONS_IN_ALL
 from harness.diagnosis.wanted import find_causes
-from harness.explain.search import EVALUATIONS
+from harness.engines import load_engine
+from harness.explain.columns import diagnostic_states, watch
+from harness.explain.model_side import diagnose
+from harness.explain.result import Finding
+from harness.explain.search import EVALUATIONS, Limits
+from harness.files.model_file import read_model
+from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.results.cross_check import Cause
 from harness.results.records import Record
+from harness.truth.reference import ReferenceKernel
 
 NATIVE = {"mjcf": "mujoco/mjcf", "urdf": "pinocchio/urdf"}
 
@@ -149,6 +156,15 @@ def test_the_least_inertia_that_is_felt_is_named_with_its_remedy(tmp_path: Path,
     for subject, line in causes.items():
         assert '1e-15">' in line or '="1e-15 1e-15 1e-15">' in line
         assert "the least inertia that MuJoCo accepts, 1e-15 kg m^2, is felt here" in line and remedies[subject.partition("/")[2]] in line
+
+
+def test_a_least_inertia_explains_nothing_where_all_is_right() -> None:
+    """As where an engine that factorises M is asked for a reason of what is wrong beside its accelerations."""
+    mechanism, model = load_mechanism(BUILT_IN, "simple_pendulum"), read_model(BUILT_IN.model_path("simple_pendulum", "mjcf"), "mjcf")
+    states = diagnostic_states(mechanism, 0)
+    watched = watch(load_engine(BUILT_IN, "mujoco"), mechanism, model, states)
+    found = diagnose(watched, ReferenceKernel(mechanism).evaluate(states), Limits(factorises=True))
+    assert '"1e-15 ' in model.text and (found.finding, found.tried) == (Finding.SOUND, ())
 
 
 @pytest.mark.ci
