@@ -19,7 +19,7 @@ from harness.results.pair_conclusion import conclusions
 from harness.results.readings import MOST_LINES, by_effect, lines_text, reading_line
 from harness.results.run import Run
 from harness.results.switched_on import switched_on_text, with_those_on
-from harness.results.table import Table, TableOf, counted, error_text, grouped, markdown_cell
+from harness.results.table import Table, TableOf, counted, counted_nouns, error_text, grouped, markdown_cell
 from harness.verdict import AGREEMENT
 
 # Said where every engine was asked and answered, and nothing is left to explain.
@@ -147,8 +147,8 @@ def _description(file: FileRecord) -> list[str]:
     certified = f"  certified accelerations at {counted(file.states, 'state')}{undecided}" if file.degrees_of_freedom else ""
     meshes = f"{len(file.meshes)} mesh{'es' if len(file.meshes) > 1 else ''}"
     return [
-        f"{file.path}: {file.format.upper()}, {file.bodies} bodies, {counted(file.joints, 'joint')}"
-        f"{followers}, {file.degrees_of_freedom} degrees of freedom, {file.total_mass:.6g} kg, gravity {gravity} m/s^2",
+        f"{file.path}: {file.format.upper()}, {counted_nouns(file.bodies, 'bodies')}, {counted(file.joints, 'joint')}"
+        f"{followers}, {counted_nouns(file.degrees_of_freedom, 'degrees of freedom')}, {file.total_mass:.6g} kg, gravity {gravity} m/s^2",
         f"  {file.base}" if file.base else "",
         f"  {file.remark}" if file.remark else certified,
         f"  inertia of {meshes} as MuJoCo compiled it ({lines_text(file.meshes)}): not judged" if file.meshes else "",

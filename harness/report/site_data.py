@@ -21,6 +21,7 @@ from harness.results.readings import by_effect, explanation, names_of
 from harness.results.records import Record
 from harness.results.run import Run
 from harness.results.site import Site, SiteCell, SiteChange, SiteColumn, SiteFinding, SiteRow, SiteTrend, Upstream, plain_number
+from harness.results.table import counted_nouns
 from harness.verdict import AGREEMENT, Verdict
 
 
@@ -121,7 +122,8 @@ def _robots(robots: FilesComparison) -> Iterator[SiteRow]:
     names = short_names(robots)
     places = pages_in("robots", names.values())
     for file in robots.files:
-        kind = f"{file.format.upper()}, {file.degrees_of_freedom} degrees of freedom" if not file.problem else file.problem
+        freedom = counted_nouns(file.degrees_of_freedom, "degrees of freedom")
+        kind = file.problem or f"{file.format.upper()}, {freedom}"
         yield SiteRow(name=names[file.path], kind="robot", description=kind, features=[], page=places[names[file.path]])
 
 

@@ -14,7 +14,7 @@ from harness.results.comparison import FileRecord, FilesComparison, SubjectRecor
 from harness.results.detail import Detail
 from harness.results.readings import FELT, FEW_LINES, Effect, by_effect, explanation, lines_text, reading_lines, share_of_qdd, share_text
 from harness.results.switched_on import SwitchedOnRecord, parts_of_judged_kinds, stays_off, switched_on_sentences
-from harness.results.table import Table, counted, error_text, grouped, joined
+from harness.results.table import Table, counted, counted_nouns, error_text, grouped, joined
 from harness.verdict import AGREEMENT, Verdict
 
 # Rows of a file, and of each of several files; further ones are counted.
@@ -103,7 +103,7 @@ def _who_agrees(subjects: Sequence[SubjectRecord]) -> str:
         right = [*agreeing, *losing]
         if not right:
             return "no engine gives an answer that can be judged"
-        return f"{_names(right)} agree{_s(right)} with the file{'' if losing else ' to rounding'}"
+        return f"{_names(right)} agree{_s(right)} with the file {'but for lost digits' if losing else 'to rounding'}"
     if agreeing or losing:
         return f"{_names([*agreeing, *losing])} agree{_s([*agreeing, *losing])} with the file, and {_names(differing)} {_do(differing)} not"
     if len(differing) == 1:
@@ -219,7 +219,8 @@ def _impossible(file: FileRecord, detail: Detail) -> Iterator[str]:
 def _facts(file: FileRecord, held: Sequence[SwitchedOnRecord], detail: Detail) -> Iterator[str]:
     """Rows on what the file holds, and on what of it was not compared."""
     mimics = f" ({file.followers} of them mimic{'s' * (file.followers == 1)} another)" if file.followers else ""
-    what = f"{file.bodies} bodies, {counted(file.joints, 'joint')}{mimics}, {file.degrees_of_freedom} degrees of freedom"
+    freedom = counted_nouns(file.degrees_of_freedom, "degrees of freedom")
+    what = f"{counted_nouns(file.bodies, 'bodies')}, {counted(file.joints, 'joint')}{mimics}, {freedom}"
     undecided = f", of which {file.undecided} have no certain accelerations" if file.undecided else ""
     yield f"{what}, {file.total_mass:.6g} kg; {counted(file.states, 'state')}{undecided}"
     if file.base:
@@ -227,10 +228,9 @@ def _facts(file: FileRecord, held: Sequence[SwitchedOnRecord], detail: Detail) -
     judged = {what for record in held for what in record.judged}
     left_out = [one for one in file.left_out if one.what not in judged]
     if detail == Detail.ALL:
-        bearing = {True: "which would move it", False: "which moves nothing at given tau"}
         for one in left_out:
-            told = "; ".join([bearing[one.bears_on_motion], *one.beside_tau])
-            yield f"Not compared: {one.what}, {len(one.lines)}, {lines_text(one.lines)}, {told}"
+            bearing = "would move it" if one.bears_on_motion else "no acceleration feels it at given tau"
+            yield f"Not compared: {one.what}, {len(one.lines)}, {lines_text(one.lines)}: {'; '.join([bearing, *one.beside_tau])}"
         return
     felt = [f"{one.what} ({len(one.lines)})" for one in left_out if one.bears_on_motion or one.beside_tau]
     others = sum(len(one.lines) for one in left_out if not one.bears_on_motion and not one.beside_tau)

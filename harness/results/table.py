@@ -55,9 +55,10 @@ def counted(number: int, noun: str) -> str:
 
 
 def counted_nouns(number: int, nouns: str) -> str:
-    """ "1 equality", "6 actuators", of a noun in the plural."""
-    one = f"{nouns[:-3]}y" if nouns.endswith("ies") else nouns.removesuffix("s")
-    return f"{number} {one if number == 1 else nouns}"
+    """ "1 equality", "6 actuators", "1 degree of freedom", of a noun in the plural."""
+    noun, *rest = nouns.partition(" of ")
+    one = f"{noun[:-3]}y" if noun.endswith("ies") else noun.removesuffix("s")
+    return f"{number} {''.join([one, *rest]) if number == 1 else nouns}"
 
 
 def program_name(engine: str, title: str) -> str:

@@ -91,7 +91,7 @@ SENTENCES = {
     ),
     "digits lost": (
         [AGREES, subject("pinocchio", "Pinocchio", "unstable", lost_digits="at 3 of 64 states", relative_error=1e-9)],
-        "MuJoCo and Pinocchio agree with the file. Pinocchio loses digits (1e-07 % of qdd).",
+        "MuJoCo and Pinocchio agree with the file but for lost digits. Pinocchio loses digits (1e-07 % of qdd).",
     ),
     "a version": (
         [subject("mujoco@3.13.0", "MuJoCo", "disagrees", readings=[MIMIC])],
@@ -142,8 +142,8 @@ def test_what_is_left_out_is_one_line_of_counts_or_all_of_it() -> None:
     found = FilesComparison(files=[file], subjects=[AGREES])
     assert conclude(found, file).rows[-1] == "Not compared: contacts (2), 1 element that moves nothing"
     assert conclude(found, file, Detail.ALL).rows[-2:] == (
-        "Not compared: contacts, 2, lines 3, 4, which would move it",
-        "Not compared: safety controllers, 1, line 9, which moves nothing at given tau",
+        "Not compared: contacts, 2, lines 3, 4: would move it",
+        "Not compared: safety controllers, 1, line 9: no acceleration feels it at given tau",
     )
 
 
