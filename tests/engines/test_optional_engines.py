@@ -366,6 +366,22 @@ def test_newton_agrees_where_its_importers_read_the_file(environment: Callable[[
 
 
 @pytest.mark.nightly
+def test_newton_is_near_rigid_contact_but_for_parents_and_what_spins(
+    environment: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    near = ["block on an incline", "sphere on an incline", "sliding to rolling"]
+    found = fine_distances("newton", [*near, "spinning disc", "stack of boxes"], environment("newton"), monkeypatch, "as the file stands")
+    assert max(one.distance for (case, _), one in found.items() if case in near and one.distance is not None) < 0.01
+    # Nothing rubs about the normal, and what a body carries falls through it.
+    assert {one.found for (case, _), one in found.items() if case == "spinning disc"} == {1.0}
+    assert min(one.distance for (case, _), one in found.items() if case == "stack of boxes" and one.distance is not None) > 0.5
+    refused = fine_distances("newton", ["sphere on an incline"], environment("newton"), monkeypatch)
+    assert {one.reason for one in refused.values()} == {"Newton is asked for 2,000 steps at most on a CPU, and this motion has 5,000"}
+    free = fine_distances("newton", ["tippe top"], environment("newton"), monkeypatch, "as the file stands")
+    assert {one.reason for one in free.values()} == {"Newton is asked to move hinges and slides alone here"}
+
+
+@pytest.mark.nightly
 @pytest.mark.parametrize("factor", [1.0, 1.0 + 1e-4])
 def test_newton_feels_an_inertia_that_is_off_by_a_ten_thousandth(
     factor: float, environment: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch

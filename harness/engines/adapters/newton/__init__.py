@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from harness.engines import Engine
+from harness.engines.moving import MotionsRequest, Moved, moved_as_they_stand
 from harness.engines.request import Request
 from harness.files.findings import EQUALITIES, FRICTION, LIMITS
 
@@ -56,6 +57,12 @@ class NewtonEngine(Engine):
         from harness.engines.adapters.newton.worlds import read
 
         return read(request)
+
+    def moved(self, request: MotionsRequest) -> Moved:
+        """See ``harness.engines.Engine``; of files as they stand."""
+        from harness.engines.adapters.newton.moving import moved
+
+        return moved_as_they_stand(self.title, request, moved)
 
 
 ENGINE = NewtonEngine()

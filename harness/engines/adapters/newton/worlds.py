@@ -181,7 +181,7 @@ class NewtonFile(NewtonQuantities):
             def point_of(body: str, local: Array, state: int = state) -> tuple[Array, Array]:
                 if body == WORLD:
                     return local, np.zeros((3, self._nv))
-                number = self._links[_sanitized(body, self.request)]
+                number = self._links[sanitized(body, self.request.format)]
                 frame = frames[state, number]
                 turn = rotation(frame[[6, 3, 4, 5]])
                 tree, row, columns = self._rows[number]
@@ -216,9 +216,9 @@ def _references(model: Any, starts: Mapping[str, tuple[int, int]], request: Requ
     return {joint.name: values[starts[joint.name][1]] for joint in request.joints if joint.name in starts and joint.kind.is_single}
 
 
-def _sanitized(name: str, request: Request) -> str:
+def sanitized(name: str, model_format: str) -> str:
     """A name of an MJCF as the importer of that writes it."""
-    return name.replace("-", "_") if request.format == "mjcf" else name
+    return name.replace("-", "_") if model_format == "mjcf" else name
 
 
 def _joined(robot: Any, request: Request) -> Joined:
@@ -229,7 +229,7 @@ def _joined(robot: Any, request: Request) -> Joined:
     Raises:
         Refused: a name is none of the file's.
     """
-    joints = {_sanitized(joint.name, request): joint for joint in request.joints}
+    joints = {sanitized(joint.name, request.format): joint for joint in request.joints}
     found: dict[int, Sequence[AskedJoint]] = {}
     for number, label in enumerate(robot.joint_label):
         kind, count = newton.JointType(robot.joint_type[number]), sum(robot.joint_dof_dim[number])
@@ -237,20 +237,20 @@ def _joined(robot: Any, request: Request) -> Joined:
             continue
         own = label.rpartition("/")[2]
         if own == "floating_base" and request.floating_base:
-            own = _sanitized(request.floating_base, request)
-        spelt = _spelt(own, list(joints), count if kind == newton.JointType.D6 else 1)
-        if spelt is None:
+            own = sanitized(request.floating_base, request.format)
+        parts = spelt(own, list(joints), count if kind == newton.JointType.D6 else 1)
+        if parts is None:
             raise Refused(f"its importer names a joint {own!r}, by which none of the file is found")
-        found[number] = [joints[name] for name in spelt]
+        found[number] = [joints[name] for name in parts]
     return found
 
 
-def _spelt(joined: str, names: Sequence[str], count: int) -> list[str] | None:
+def spelt(joined: str, names: Sequence[str], count: int) -> list[str] | None:
     """That many names of which another is made, with underscores between them; None for one that is not made so."""
     if count == 1:
         return [joined] if joined in names else None
     for name in names:
-        if joined.startswith(f"{name}_") and (rest := _spelt(joined.removeprefix(f"{name}_"), names, count - 1)) is not None:
+        if joined.startswith(f"{name}_") and (rest := spelt(joined.removeprefix(f"{name}_"), names, count - 1)) is not None:
             return [name, *rest]
     return None
 
