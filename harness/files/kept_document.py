@@ -9,8 +9,10 @@ from pathlib import Path
 
 from lxml import etree
 
+from harness.errors import InvalidModel
 from harness.files.document.source import Source, read_any
 from harness.files.document.xml import Document
+from harness.files.given import Place
 from harness.files.mjcf.reading import put_included
 from harness.library import member_of
 
@@ -29,6 +31,12 @@ class KeptDocument:
     document: Document
     elements: tuple[etree._Element, ...]
     states: Mapping[Path, object]
+
+    def element(self, place: Place) -> etree._Element:
+        """The element at a place; raises InvalidModel where the file, as it is now, has no such place."""
+        if place.element >= len(self.elements):
+            raise InvalidModel(place.path, None, "has changed since it was read; ask about it again")
+        return self.elements[place.element]
 
 
 _KEPT: OrderedDict[Path, KeptDocument] = OrderedDict()

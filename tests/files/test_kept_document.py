@@ -7,7 +7,10 @@ from pathlib import Path
 import pytest
 from support import harness
 
+from harness.errors import InvalidModel
+from harness.explain.changes.readings import element_at
 from harness.files.kept_document import kept_document
+from harness.trees.robot import read_robot
 
 FRAMED = """<mujoco>
   <worldbody>
@@ -38,6 +41,15 @@ def test_a_file_is_read_once_and_again_where_it_has_changed(tmp_path: Path) -> N
     assert kept_document(path) is first and "frame" in tags(path)
     path.write_text(PLAIN)
     assert "frame" not in tags(path)
+
+
+def test_a_place_that_is_gone_says_that_the_file_has_changed(tmp_path: Path) -> None:
+    path = tmp_path / "robot.xml"
+    path.write_text(FRAMED)
+    robot = read_robot(path)
+    path.write_text("<mujoco/>")
+    with pytest.raises(InvalidModel, match="has changed since it was read; ask about it again"):
+        element_at(robot.tree.bodies[-1].place)
 
 
 def test_an_included_file_that_has_changed_is_read_again(tmp_path: Path) -> None:

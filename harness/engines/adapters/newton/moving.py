@@ -69,7 +69,10 @@ def _read(file: MovedFile, joints: tuple[str, ...]) -> tuple[Any, list[int]]:
     """
     builder = newton.ModelBuilder()
     try:
-        builder.add_mjcf(str(file.path), skip_equality_constraints=True) if file.format == "mjcf" else builder.add_urdf(str(file.path))
+        if file.format == "mjcf":
+            builder.add_mjcf(str(file.path), skip_equality_constraints=True)
+        else:
+            builder.add_urdf(str(file.path))
     except Exception as error:
         raise Refused(f"{type(error).__name__}: {' '.join(str(error).split())}") from error
     root = etree.parse(file.path).getroot()

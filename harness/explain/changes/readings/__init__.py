@@ -242,7 +242,7 @@ def element_at(place: Place | None) -> etree._Element | None:
 
     Included files are in the place of what includes them: their options are the file's.
     """
-    return None if place is None else kept_document(place.path).elements[place.element]
+    return None if place is None else kept_document(place.path).element(place)
 
 
 def changed_parts(before: Tree, after: Tree) -> dict[tuple[str, ...], list[Place]]:
