@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 from support import Page
 
-from harness.results.table import Cell, Column, Table
+from harness.results.table import Cell, Column, Table, counted_nouns
 
 EVIL = "[red]a[/red] | <b>\n\x1b[31mb\x1b]0;title\x07 & \"'"
 
@@ -80,3 +80,15 @@ def test_anything_can_be_shown(rows: list[tuple[str, float | None, int | None]])
 def test_a_relative_error_beyond_one_has_no_size() -> None:
     table = Table([Column("there", "relative")], [[value] for value in (1e-16, 0.5, 1.0, 5e203, float("inf"), None)])
     assert [text for [text] in table.texts()] == ["1.00e-16", "0.500", "1.00", "> 1", "> 1", "-"]
+
+
+def test_a_noun_goes_with_its_number() -> None:
+    of_one = {
+        "equalities": "1 equality",
+        "bodies": "1 body",
+        "degrees of freedom": "1 degree of freedom",
+        "further differences": "1 further difference",
+        "attributes of joints": "1 attribute of joints",
+    }
+    for nouns, one in of_one.items():
+        assert (counted_nouns(1, nouns), counted_nouns(2, nouns)) == (one, f"2 {nouns}")
