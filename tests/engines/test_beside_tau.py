@@ -92,7 +92,7 @@ def test_inputs_of_actuators_are_bounded_and_tau_is_not(engine: str, script: str
 
 def test_a_comparison_says_what_each_engine_that_was_asked_makes_of_them(file: Path) -> None:
     done = harness("compare", str(file), "--all")
-    (row,) = (line for line in done.stdout.splitlines() if "effort and velocity limits, 1, line 4, " in line)
+    (row,) = (line for line in done.stdout.splitlines() if "effort and velocity limits, 1, line 4: " in line)
     assert "no acceleration feels it at given tau; " in row
     for engine in ("mujoco", "pinocchio"):
         assert engine_of(engine).beside_tau["effort and velocity limits"] in row
