@@ -6,7 +6,6 @@ of a model and are kept in the harness's cache; on a terminal Warp says which it
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -23,8 +22,8 @@ from harness.engines.adapters.mujoco.model import MujocoModel
 from harness.engines.adapters.mujoco.on_device import DeviceFile, DeviceModel, in_blocks, still
 from harness.engines.adapters.mujoco.versions import fill_mass_matrix
 from harness.engines.request import Refused, Request
+from harness.engines.warp_kernels import keep_compiled
 from harness.files.model_file import ModelFile
-from harness.storage import cache_directory
 
 BLOCK = 64
 # Of ``Data``, all that a state has.
@@ -91,13 +90,6 @@ class WarpModel(DeviceModel[ModelInWorlds]):
 
     def _answers(self, compute: Callable[..., None], found: str, **given: Array) -> Array:
         return self._on_device.answers(compute, found, **dict(zip(given, self._compiled.own(*given.values()), strict=True)))
-
-
-def keep_compiled() -> None:
-    """Keep kernels in the harness's cache, and say that they are compiled on a terminal alone."""
-    warp.config.kernel_cache_dir = str(cache_directory() / "warp")
-    if not sys.stderr.isatty():
-        warp.config.log_level = warp.LOG_WARNING
 
 
 def load(file: ModelFile, joints: Sequence[str]) -> WarpModel:

@@ -13,9 +13,9 @@ import warp
 
 from harness.arrays import Array
 from harness.engines.adapters.mujoco.moving import compiled_file, places_of
-from harness.engines.adapters.mujoco_warp.device import keep_compiled
 from harness.engines.moving import MotionsRequest, SimulatedFile
 from harness.engines.request import Refused
+from harness.engines.warp_kernels import keep_compiled
 
 # Steps of a motion.
 MOST_STEPS = 2000

@@ -8,7 +8,6 @@ Source: Newton documentation, ``SolverFeatherstone``, ``CollisionPipeline`` and 
 
 from __future__ import annotations
 
-import sys
 import warnings
 from typing import Any
 
@@ -21,7 +20,7 @@ from harness.arrays import Array
 from harness.engines.adapters.newton.worlds import sanitized, spelt
 from harness.engines.moving import MotionsRequest, MovedFile, SimulatedFile
 from harness.engines.request import Refused
-from harness.storage import cache_directory
+from harness.engines.warp_kernels import keep_compiled
 
 # Steps of a motion, of which each takes milliseconds on a CPU.
 MOST_STEPS = 2000
@@ -36,9 +35,7 @@ def moved(motion: SimulatedFile, request: MotionsRequest) -> tuple[Array, Array]
     if motion.counts[-1] > MOST_STEPS:
         raise Refused(f"Newton is asked for {MOST_STEPS:,} steps at most on a CPU, and this motion has {motion.counts[-1]:,}")
     assert motion.file.length is not None
-    warp.config.kernel_cache_dir = str(cache_directory() / "warp")
-    if not sys.stderr.isatty():
-        warp.config.log_level = warp.LOG_WARNING
+    keep_compiled()
     found, done = [], 0
     with warp.ScopedDevice("cpu"), warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -10,7 +10,6 @@ Source: Newton documentation, Conventions; ``newton/_src/solvers/featherstone/ke
 from __future__ import annotations
 
 import itertools
-import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -26,9 +25,9 @@ from harness.engines.interface import LoadedModel, Unsupported
 from harness.engines.reading import elements_of, text_of, without_shapes
 from harness.engines.request import AskedJoint, Refused, Request
 from harness.engines.state_by_state import pull_of
+from harness.engines.warp_kernels import keep_compiled
 from harness.files.joint_kinds import JointKind
 from harness.files.tree import WORLD
-from harness.storage import cache_directory
 
 # By the number of a joint of Newton, the joints of the request that it is made of.
 Joined = Mapping[int, Sequence[AskedJoint]]
@@ -268,9 +267,7 @@ def _starts(robot: Any, joined: Joined) -> dict[str, tuple[int, int]]:
 
 def read(request: Request) -> NewtonFile:
     """See ``harness.engines.Engine.read``."""
-    warp.config.kernel_cache_dir = str(cache_directory() / "warp")
-    if not sys.stderr.isatty():
-        warp.config.log_level = warp.LOG_WARNING
+    keep_compiled()
     if request.supplied_ball_joint:
         raise Unsupported(f"ball joint {request.supplied_ball_joint!r}, which no URDF has")
     for joint in request.joints:
