@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import sys
+from types import ModuleType
 
 from harness.storage import cache_directory
 
 
-def keep_compiled() -> None:
-    """Keep kernels in the harness's cache, and say that they are compiled on a terminal alone."""
-    import warp
-
+def keep_compiled(warp: ModuleType) -> None:
+    """Keep kernels of ``warp``, which its callers depend on, in the harness's cache, and tell a terminal alone of compiling them."""
     warp.config.kernel_cache_dir = str(cache_directory() / "warp")
     if not sys.stderr.isatty():
         warp.config.log_level = warp.LOG_WARNING

@@ -94,7 +94,7 @@ class WarpModel(DeviceModel[ModelInWorlds]):
 
 def load(file: ModelFile, joints: Sequence[str]) -> WarpModel:
     """See ``harness.engines.Engine.load``."""
-    keep_compiled()
+    keep_compiled(warp)
     mujoco.set_mju_user_warning(lambda message: None)
     model = mujoco.MjModel.from_xml_string(file.text)
     rub_and_limit_alone(model, joints, file.acting)
@@ -108,7 +108,7 @@ def load(file: ModelFile, joints: Sequence[str]) -> WarpModel:
 
 def read(request: Request) -> DeviceFile:
     """A file that MuJoCo reads, in worlds of Warp; see ``harness.engines.Engine``."""
-    keep_compiled()
+    keep_compiled(warp)
     compiled = robot.read(request)
     # Warp refuses the flag, and resets nothing.
     compiled.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)

@@ -29,7 +29,7 @@ def moved(motion: SimulatedFile, request: MotionsRequest) -> tuple[Array, Array]
     """
     if motion.counts[-1] > MOST_STEPS:
         raise Refused(f"MuJoCo Warp is asked for {MOST_STEPS:,} steps at most on a CPU, and this motion has {motion.counts[-1]:,}")
-    keep_compiled()
+    keep_compiled(warp)
     compiled = compiled_file(motion.file)
     positions, velocities = places_of(compiled, request.joints)
     q, v = compiled.qpos0.copy(), np.zeros(compiled.nv)

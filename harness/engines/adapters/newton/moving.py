@@ -35,7 +35,7 @@ def moved(motion: SimulatedFile, request: MotionsRequest) -> tuple[Array, Array]
     if motion.counts[-1] > MOST_STEPS:
         raise Refused(f"Newton is asked for {MOST_STEPS:,} steps at most on a CPU, and this motion has {motion.counts[-1]:,}")
     assert motion.file.length is not None
-    keep_compiled()
+    keep_compiled(warp)
     found, done = [], 0
     with warp.ScopedDevice("cpu"), warnings.catch_warnings():
         warnings.simplefilter("ignore")

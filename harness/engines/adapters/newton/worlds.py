@@ -267,7 +267,7 @@ def _starts(robot: Any, joined: Joined) -> dict[str, tuple[int, int]]:
 
 def read(request: Request) -> NewtonFile:
     """See ``harness.engines.Engine.read``."""
-    keep_compiled()
+    keep_compiled(warp)
     if request.supplied_ball_joint:
         raise Unsupported(f"ball joint {request.supplied_ball_joint!r}, which no URDF has")
     for joint in request.joints:
