@@ -159,6 +159,9 @@ class Commands(click.Group):
     def main(self, *arguments: Any, **options: Any) -> Any:
         if sys.platform not in SYSTEMS:
             _end(f"{sys.platform} is not supported; use {' or '.join(SYSTEMS.values())}, on Windows its subsystem for Linux (WSL)")
+        from harness.workers.program import VARIABLES
+
+        os.environ |= VARIABLES | os.environ
         try:
             with surroundings():
                 return super().main(*arguments, **options)

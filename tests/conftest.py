@@ -22,6 +22,7 @@ from rooms import PACKAGE, REPOSITORY
 
 from harness.programs.loops.interpreter import loop
 from harness.storage import machine_code_directory
+from harness.workers.program import VARIABLES
 
 if TYPE_CHECKING:
     # Imported where they are used, because the process that gives out the tests needs none of them.
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
     from harness.lagrange.system import System
     from harness.programs.mechanisms.mechanism import Mechanism
 
-# Nothing is drawn; MuJoCo asks a Python process of its own for the window system otherwise, at each import.
-os.environ.setdefault("MUJOCO_GL", "disable")
+# The processes among which the tests are divided take it from this one, before they import what it is for.
+os.environ |= VARIABLES | os.environ
 # SymPy makes and drops objects by the million; looking for cycles after each 700 of them takes a sixteenth of all processor time.
 gc.set_threshold(100_000, 20, 100)
 # Without bytecode, as in many containers, each process that a test starts compiles the harness anew, for a second.

@@ -32,9 +32,6 @@ START_SECONDS = 60.0
 # Of what a process wrote before it died, from its end.
 MOST_CHARACTERS = 2000
 
-# A mechanism's expressions do not fit the 1000 that SymPy keeps; with more it reads a catalogue in four fifths of the time.
-_SYMPY = {"SYMPY_CACHE_SIZE": "20000"}
-
 
 class LocalPool:
     """At most ``count`` processes; one more starts when a task waits that no idle one may take.
@@ -167,7 +164,7 @@ class _Process:
                 pass_fds=descriptors,
                 # A process group to be killed at once, which the interrupt of a terminal does not reach.
                 start_new_session=True,
-                env={**_SYMPY, **os.environ, program.MARK: self._mark, memory.VARIABLE: str(memory_limit)},
+                env={**program.VARIABLES, **os.environ, program.MARK: self._mark, memory.VARIABLE: str(memory_limit)},
             )
             self._open = ours.pop_all()
 

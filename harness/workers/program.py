@@ -24,6 +24,11 @@ OBJECTS_BETWEEN_LOOKS = 50_000, 20, 100
 # In the environment of each process, with a value of its own; what the process forks inherits it. A worker of a worker has
 # the other's value before its own.
 MARK = "HARNESS_WORKER"
+# Of the harness's processes, where their user says nothing else. They take the processors among them: a thread of linear algebra that
+# waits for work takes a tenth of a second from others at each start, and sums of several threads round as there are processors.
+# MuJoCo asks a Python process of its own for the window system at each import, and nothing is drawn by it. A mechanism's expressions do
+# not fit the 1000 that SymPy keeps; with more it reads a catalogue in four fifths of the time.
+VARIABLES = {"OPENBLAS_NUM_THREADS": "1", "MUJOCO_GL": "disable", "SYMPY_CACHE_SIZE": "20000"}
 _PR_SET_CHILD_SUBREAPER = 36
 
 

@@ -36,7 +36,7 @@ from harness.environments import Environment
 from harness.errors import is_out_of_memory
 from harness.files.model_file import ModelFile
 from harness.workers import memory
-from harness.workers.program import is_worker
+from harness.workers.program import VARIABLES, is_worker
 
 if TYPE_CHECKING:
     from harness.engines import Model
@@ -76,7 +76,7 @@ class Interpreter:
         # ``Connection.poll`` makes a selector each time.
         self._arrivals = select.poll()
         self._arrivals.register(self._connection, select.POLLIN)
-        variables = {name: value for name, value in os.environ.items() if environment is None or name not in _LEFT_OUT}
+        own = {name: value for name, value in os.environ.items() if environment is None or name not in _LEFT_OUT}
         python = [sys.executable, "-P"] if environment is None else [environment.interpreter, "-P", "-s"]
         with theirs:
             self._process = subprocess.Popen(
@@ -84,7 +84,7 @@ class Interpreter:
                 stdin=subprocess.DEVNULL,
                 stdout=2,
                 pass_fds=[theirs.fileno()],
-                env=variables,
+                env=VARIABLES | own,
             )
         self._folder = Path.cwd()
         if environment is None:
