@@ -30,9 +30,9 @@ from harness.verdict import AGREEMENT, Verdict
 # States at which shapes are placed, of those with contacts first.
 MOST_STATES = 48
 _BITS = 192
-_ROUNDOFF = 2.0**-53
-# Of numbers that are averaged.
-_MEAN = 4 * _ROUNDOFF
+_DOUBLE = 2.0**-53
+# Roundings of numbers that are averaged.
+_MEAN = 4
 
 _AXES = "axes of contact"
 
@@ -41,8 +41,10 @@ _Pair = tuple[Shape, Shape]
 
 @dataclass
 class _Held:
-    """Findings on the contacts of one engine, state by state."""
+    """Findings on the contacts of one engine, state by state, whose numbers are of a unit roundoff."""
 
+    unit_roundoff: float
+    every_corner: bool
     placed: ShapesInWorld
     known: dict[frozenset[str], tuple[_Pair, ContactNumbers]]
     shapes: dict[str, Shape]
@@ -86,12 +88,14 @@ class _Held:
         }
         means = {"solref": (one.solref, numbers.solref), "solimp": (one.solimp, numbers.solimp)}
         for what, (own, wanted) in {**sums, **means}.items():
-            room = _MEAN if what in means else 0.0
+            # In float64 they are the file's own.
+            roundings = _MEAN if what in means else self.unit_roundoff > _DOUBLE
+            room = roundings * self.unit_roundoff
             if len(own) != len(wanted) or any(abs(x - y) > room * abs(y) for x, y in zip(own, wanted, strict=True)):
                 self.fault(names, what, f"have {what} {_text(own)} where the file has {_text(wanted)}")
 
     def _pair(self, first: PlacedShape, second: PlacedShape, found: Sequence[FoundContact], detected: float) -> None:
-        names, points = frozenset((first.shape.name, second.shape.name)), nearest(first, second)
+        names, points = frozenset((first.shape.name, second.shape.name)), nearest(first, second, self.unit_roundoff, self.every_corner)
         if are_parallel(first, second):
             beside = [one.point for one in found] or [tuple(map(float, second.centre))]
             points = [one for place in beside if (one := facing(first, second, place)) is not None]
@@ -102,7 +106,7 @@ class _Held:
             self.given += len(found)
             return
         self.judged += len(found)
-        room = [AGREEMENT * _ROUNDOFF * (one.size + abs(detected)) for one in points]
+        room = [AGREEMENT * self.unit_roundoff * (one.size + abs(detected)) for one in points]
         beyond = [float(one.distance.mid()) - detected for one in points]
         needed = sum(one.is_sure and far < -little for one, far, little in zip(points, beyond, room, strict=True))
         possible = [one for one, far, little in zip(points, beyond, room, strict=True) if far <= little]
@@ -111,7 +115,7 @@ class _Held:
         elif len(found) > len(possible):
             self.fault(names, "missing", f"touch in {len(found)} points, where the file has {len(possible)}")
         else:
-            self._nearest(names, [[_errors(one, own, first.shape.name) for one in possible] for own in found])
+            self._nearest(names, [[_errors(one, own, first.shape.name, self.unit_roundoff) for one in possible] for own in found])
 
     def _nearest(self, names: frozenset[str], errors: Sequence[Sequence[dict[str, float]]]) -> None:
         """Note errors of contacts against points of the file, each against one of its own, as they fit best."""
@@ -125,10 +129,18 @@ class _Held:
                 self.fault(names, what, f"have {what} {far}", error)
 
 
-def hold_shapes(robot: Robot, states: Array, found: Sequence[Sequence[FoundContact]], engine_has: Sequence[str]) -> ShapesRecord | None:
+def hold_shapes(
+    robot: Robot,
+    states: Array,
+    found: Sequence[Sequence[FoundContact]],
+    engine_has: Sequence[str],
+    unit_roundoff: float = _DOUBLE,
+    every_corner: bool = False,
+) -> ShapesRecord | None:
     """The contacts of each state, whose q are (n, nq), held against the file; None where nothing is said of them.
 
-    ``engine_has``: names of the shapes of the engine's model that may touch.
+    ``engine_has``: names of the shapes of the engine's model that may touch. ``unit_roundoff``: as of the engine.
+    ``every_corner``: as of ``nearest``.
     """
     file = robot.shapes
     if file is None or file.why_not or not engine_has:
@@ -141,7 +153,7 @@ def hold_shapes(robot: Robot, states: Array, found: Sequence[Sequence[FoundConta
     known = {frozenset((one.name, other.name)): ((one, other), numbers) for one, other, numbers in pairs}
     order = sorted(range(len(found)), key=lambda number: not found[number])[:MOST_STATES]
     with flint.ctx.workprec(_BITS):
-        held = _Held(ShapesInWorld(robot.tree, robot.joints, [*closed.values()]), known, shapes)
+        held = _Held(unit_roundoff, every_corner, ShapesInWorld(robot.tree, robot.joints, [*closed.values()]), known, shapes)
         for number in order:
             held.state(states[number], found[number])
     verdict = Verdict.DISAGREES if held.faults else Verdict.AGREES
@@ -175,14 +187,14 @@ def _may_be_near(first: PlacedShape, second: PlacedShape, detected: float) -> bo
     return far <= reach + 1e-6 * (first.size + second.size)
 
 
-def _errors(wanted: Nearest, found: FoundContact, first: str) -> dict[str, float]:
+def _errors(wanted: Nearest, found: FoundContact, first: str, roundoff: float) -> dict[str, float]:
     """Errors of a contact in roundoffs of what is added."""
     frame, sign = np.reshape(found.frame, (3, 3)), 1 if found.shapes[0] == first else -1
     normal = [sign * float(part.mid()) for part in wanted.normal]
     point = [float(part.mid()) for part in wanted.point]
     return {
-        "distances": abs(found.distance - float(wanted.distance.mid())) / (_ROUNDOFF * wanted.size),
-        "normals": float(np.linalg.norm(frame[0] - normal)) / (_ROUNDOFF * wanted.of_normal),
-        "points": float(np.linalg.norm(np.subtract(found.point, point))) / (_ROUNDOFF * wanted.of_point),
-        _AXES: float(np.abs(frame @ frame.T - np.eye(3)).max()) / (_ROUNDOFF * wanted.of_frame),
+        "distances": abs(found.distance - float(wanted.distance.mid())) / (roundoff * wanted.size),
+        "normals": float(np.linalg.norm(frame[0] - normal)) / (roundoff * wanted.of_normal),
+        "points": float(np.linalg.norm(np.subtract(found.point, point))) / (roundoff * wanted.of_point),
+        _AXES: float(np.abs(frame @ frame.T - np.eye(3)).max()) / (roundoff * wanted.of_frame),
     }

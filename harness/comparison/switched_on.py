@@ -18,14 +18,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from harness.arrays import Array
 from harness.comparison.case import AskedEngine, felt
 from harness.comparison.geometry import hold_shapes
 from harness.comparison.robot_library import RobotLibrary, engine_of
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers
 from harness.explain.as_read import Folded, effects, read_by
-from harness.explain.changes.placements import as_placed, placement_of
 from harness.explain.changes.readings import element_at
+from harness.explain.changes.shape_rules import shape_rules_of
 from harness.explain.documented import documented, effect_of_friction, engine_documenting, switched_off_by_file
 from harness.explain.file_case import FileCase, is_held
 from harness.explain.meant import Meant, driven, for_engine, largest_change, read_as, worst
@@ -136,18 +137,18 @@ def _shapes(at: Meant, caller: Engine, answers: EngineAnswers) -> ShapesRecord |
     # Shapes of bodies that are fused have other bodies and numbers.
     if not answers.contacts or caller.fuses(element_at(at.robot.tree.place), at.robot.format):
         return None
-    found = hold_shapes(at.robot, at.states.q, answers.contacts, answers.shapes)
-    placement = placement_of(caller.name, caller.reader)
-    if found is None or not found.rest or placement is None or at.robot.shapes is None:
+    about = answers.contacts, answers.shapes, caller.unit_roundoff
+    found, shapes, tree = hold_shapes(at.robot, at.states.q, *about), at.robot.shapes, at.robot.tree
+    if found is None or not found.rest or shapes is None:
         return found
-    elsewhere = tuple(as_placed(placement, at.robot.tree, shape) for shape in at.robot.shapes.shapes)
-    moved = [one.place for one, other in zip(at.robot.shapes.shapes, elsewhere, strict=True) if one != other]
-    robot = replace(at.robot, shapes=replace(at.robot.shapes, shapes=elsewhere))
-    by_engine = hold_shapes(robot, at.states.q, answers.contacts, answers.shapes) if moved else found
-    if by_engine is None or by_engine.rest:
-        return found
-    lines = lines_text([place.line for place in moved])
-    return replace(by_engine, verdict=str(Verdict.EXPLAINED.value), placement=f"{placement.sentence} ({lines}): {placement.remedy}")
+    for rule in shape_rules_of(caller.name, caller.reader):
+        felt = [one.place.line for one in shapes.shapes if rule.bears_on(tree, one)]
+        robot = replace(at.robot, shapes=replace(shapes, shapes=tuple(rule.of(tree, one) for one in shapes.shapes)))
+        by_rule = hold_shapes(robot, at.states.q, *about, rule.every_corner) if felt else found
+        if by_rule is not None and not by_rule.rest:
+            told = f"{rule.sentence} ({lines_text(felt)}): {rule.remedy}"
+            return replace(by_rule, verdict=str(Verdict.EXPLAINED.value), rule=told)
+    return found
 
 
 def with_verdict(
@@ -161,7 +162,8 @@ def with_verdict(
         verdict=str(compared.verdicts[compared.worst]),
         explained=is_held(compared),
         backward_error=worst(compared),
-        together=largest_change(case.without_actuators, answers.of(joints), case.without_actuators.certified & case.within),
+        relative_error=compared.relative_error_at(compared.largest),
+        together=_change(case, answers.of(joints)),
         states=len(at.states),
         touching=int((case.touching.is_any & (compared.verdicts != Verdict.UNDECIDED.value)).sum()),
     )
@@ -169,7 +171,13 @@ def with_verdict(
         return record
     if case.departures:
         compared = compare(case.computed, answers.of(joints), factorises=True)
-        record = replace(record, explained=is_held(compared), backward_error=worst(compared), departures=[*case.departures.values()])
+        record = replace(
+            record,
+            explained=is_held(compared),
+            backward_error=worst(compared),
+            relative_error=compared.relative_error_at(compared.largest),
+            departures=[*case.departures.values()],
+        )
     wrong = np.flatnonzero([not is_held(compared[[state]]) for state in range(len(at.states))])
     for ending in () if record.explained else caller.endings:
         # What a solver leaves that stops early has no number of the file for its cause. Where it did not, going on may cost digits.
@@ -180,6 +188,13 @@ def with_verdict(
     if not record.explained and (share := case.stops_as_documented(answers, compared)) is not None and caller.stops is not None:
         return replace(record, explained=True, left=share, remedy=caller.stops.remedy)
     return record if record.explained or not names else replace(record, rest=case.left(answers, compared))
+
+
+def _change(case: FileCase, found: Array) -> float | None:
+    """By how much an answer differs from the truth without what is judged, relative in the energy norm; by nothing if by rounding alone."""
+    without = case.without_actuators
+    among = without.certified & case.within
+    return 0.0 if is_held(compare(without, found, factorises=True)[among]) else largest_change(without, found, among)
 
 
 def _of_what_is_on(original: Meant, folded: Folded, smooth: Folded) -> list[Effect]:

@@ -15,7 +15,7 @@ class ShapesRecord:
         contacts: how many are judged by closed forms. given: how many are taken as the engine finds them.
         error: the worst of distances, normals and points, in roundoffs of what is added.
         rest: what is otherwise than in the file, a sentence for each pair of shapes and kind.
-        placement: where the engine's compiler puts shapes, and what to do about it, where that explains all; "" for where the file does.
+        rule: the engine's rule for shapes that explains all, and what to do about it; "" for the documented one.
     """
 
     verdict: str
@@ -23,7 +23,7 @@ class ShapesRecord:
     given: int
     error: float
     rest: list[str] = field(default_factory=list)
-    placement: str = ""
+    rule: str = ""
 
     @property
     def text(self) -> str:
@@ -34,5 +34,5 @@ class ShapesRecord:
             return f"other contacts than the file has: {self.rest[0]}{more}"
         if not self.contacts:
             return f"no contact is of shapes with a closed form{given}" if given else "no shapes touch, and none do by the file"
-        by, why = ("the compiler", f". {self.placement}") if self.placement else ("the file", "")
+        by, why = ("the engine's own rule", f". {self.rule}") if self.rule else ("the file", "")
         return f"{counted_nouns(self.contacts, 'contacts')} within {error_text(self.error)} roundoffs of where {by} has them{given}{why}"

@@ -43,7 +43,8 @@ class SwitchedOnRecord:
         verdict: against the law that the engine documents for what its readings make of the file; "" where no answer is judged.
         message: why some or all of it is not judged, where no part says it.
         states, touching: how many are judged, and at how many of them bodies touch and the truth is decided.
-        backward_error: [data roundoffs], the worst. together: largest change of qdd by those that are judged.
+        backward_error: [data roundoffs], the worst. relative_error: of qdd there; None where it says nothing.
+        together: largest change of qdd by those that are judged.
         departures: where the engine's program leaves the law that it documents, each with what it does; backward errors are then
             against what it is known to compute.
         to_the_end: backward error where the engine's solver goes on until nothing changes, asked where by the file's settings it does
@@ -62,6 +63,7 @@ class SwitchedOnRecord:
     verdict: str = ""
     explained: bool = True
     backward_error: float | None = None
+    relative_error: float | None = None
     together: float | None = None
     states: int = 0
     touching: int = 0
@@ -149,7 +151,8 @@ def switched_on_text(record: SwitchedOnRecord, many: bool = False) -> str:
         moved = f"by {share_of_qdd(share_text(first.size))} ({first.concerned(FEW_LINES)}{others})"
         return f"{DEPARTS} {moved}. {first.sentence}: {first.remedy}"
     agree, are, their = ("agree", "are", "their") if many else ("agrees", "is", "its")
-    verb = f"{agree} with" if record.explained else f"{are} {error_text(record.backward_error)} data roundoffs away from"
+    off = "" if record.relative_error is None else f", {share_of_qdd(share_text(record.relative_error))},"
+    verb = f"{agree} with" if record.explained else f"{are} {error_text(record.backward_error)} data roundoffs{off} away from"
     what = f"the file as {their} readings have it" if names_of(record.readings) else f"{their} documentation"
     without = f"without {'it' if record.is_single else 'them'}"
     moved = f", {share_of_qdd(share_text(record.together))} away from the file {without}" if (record.together or 0.0) > FELT else ""

@@ -61,15 +61,18 @@ def is_closed_form(first: str, second: str) -> bool:
     return (kinds <= {PLANE, *_ROUND} and kinds != {PLANE}) or kinds in ({PLANE, BOX}, {SPHERE, BOX})
 
 
-def nearest(first: PlacedShape, second: PlacedShape) -> list[Nearest] | None:
-    """The points of two shapes; None where they have no closed form, or are not unique, or nearly so."""
+def nearest(first: PlacedShape, second: PlacedShape, roundoff: float = _ROUNDOFF, every_corner: bool = False) -> list[Nearest] | None:
+    """The points of two shapes; None where they have no closed form, or are not unique, or nearly so.
+
+    ``roundoff``: of the numbers that are held against them. ``every_corner``: a box touches a plane with those above its centre, too.
+    """
     if not is_closed_form(first.shape.kind, second.shape.kind):
         return None
     if second.shape.kind == PLANE or (second.shape.kind, first.shape.kind) == (SPHERE, BOX):
-        found = nearest(second, first)
+        found = nearest(second, first, roundoff, every_corner)
         return None if found is None else [_turned(one) for one in found]
     if second.shape.kind == BOX:
-        return _corners_on_plane(first, second) if first.shape.kind == PLANE else _in_box(first, second)
+        return _corners_on_plane(first, second, roundoff, every_corner) if first.shape.kind == PLANE else _in_box(first, second)
     if first.shape.kind == PLANE:
         signs = (1, -1) if second.shape.kind == CAPSULE else (0,)
         return [_on_plane(first, second, sign) for sign in signs]
@@ -90,18 +93,18 @@ def _on_plane(plane: PlacedShape, other: PlacedShape, sign: int) -> Nearest:
     return Nearest(distance, plane.axis, point, size, 1.0, size, steep)
 
 
-def _corners_on_plane(plane: PlacedShape, box: PlacedShape) -> list[Nearest]:
+def _corners_on_plane(plane: PlacedShape, box: PlacedShape, roundoff: float, every_corner: bool) -> list[Nearest]:
     """The corners that are not surely higher than the centre; of a box in general four."""
     size, found = plane.size + box.size, []
-    above, room = _dot(plane.axis, _minus(box.centre, plane.centre)), AGREEMENT * _ROUNDOFF * (plane.size + box.size)
+    above, room = _dot(plane.axis, _minus(box.centre, plane.centre)), AGREEMENT * roundoff * (plane.size + box.size)
     for signs in itertools.product((-1, 1), repeat=3):
         corner, height = box.centre, arb(0)
         for sign, axis, half in zip(signs, box.axes, box.halves, strict=True):
             corner, height = _along(corner, axis, sign * half), height + sign * half * _dot(plane.axis, axis)
-        if not height > room:
+        if every_corner or not height > room:
             distance = above + height
             point = _along(corner, plane.axis, -distance / 2)
-            found.append(Nearest(distance, plane.axis, point, size, 1.0, size, is_sure=bool(height < -room)))
+            found.append(Nearest(distance, plane.axis, point, size, 1.0, size, is_sure=every_corner or bool(height < -room)))
     return found
 
 

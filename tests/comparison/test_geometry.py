@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from harness.comparison.switched_on import judge_switched_on
 from harness.engines.adapters.mujoco import robot as adapter
 from harness.engines.adapters.mujoco.contacts import found_contacts, shapes_that_touch
 from harness.explain import touching
-from harness.explain.changes.placements import as_placed, placement_of
+from harness.explain.changes.shape_rules import shape_rules_of
 from harness.files.contacts import FoundContact
 from harness.results.shapes import ShapesRecord
 from harness.results.switched_on import switched_on_text
@@ -82,13 +83,13 @@ def written(folder: Path, text: str, name: str = "shapes.xml") -> Path:
     return path
 
 
-def found_at(path: Path, states: Array) -> list[list[FoundContact]]:
+def found_at(path: Path, states: Array) -> list[tuple[FoundContact, ...]]:
     model = mujoco.MjModel.from_xml_path(str(path))
-    data, found = mujoco.MjData(model), []
+    data, found = mujoco.MjData(model), list[tuple[FoundContact, ...]]()
     for q in states:
         data.qpos[:] = q
         mujoco.mj_forward(model, data)
-        found.append(found_contacts(model, data))
+        found.append(found_contacts(model, data.contact[: data.ncon]))
     return found
 
 
@@ -118,6 +119,42 @@ def test_contacts_are_those_of_the_file(tmp_path: Path) -> None:
     record = held(written(tmp_path, SHAPES))
     assert (record.verdict, record.rest) == (Verdict.AGREES, [])
     assert record.contacts >= 100 and record.given >= 1 and 0 < record.error <= AGREEMENT
+
+
+def in_float32(one: FoundContact) -> FoundContact:
+    fields = ("point", "frame", "friction", "solref", "solimp", "sliding", "distance", "margin")
+    return replace(one, **{name: np.float32(getattr(one, name)).tolist() for name in fields})
+
+
+def test_contacts_in_float32_are_held_in_roundoffs_of_that(tmp_path: Path) -> None:
+    path = written(tmp_path, SHAPES)
+    states, names = np.float32(states_of(path, 30)).astype(float), shapes_that_touch(mujoco.MjModel.from_xml_path(str(path)))
+    found = [[in_float32(one) for one in own] for own in found_at(path, states)]
+    longer = [[replace(one, distance=one.distance - 1e-4) for one in own] for own in found]
+    about = read_robot(path), states
+    verdicts = [hold_shapes(*about, own, names, roundoff) for own, roundoff in ((found, 2.0**-24), (found, 2.0**-53), (longer, 2.0**-24))]
+    assert [one and one.verdict for one in verdicts] == [Verdict.AGREES, Verdict.DISAGREES, Verdict.DISAGREES]
+    assert verdicts[0] is not None and 0.01 < verdicts[0].error < 2
+
+
+SUNK = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
+  <body><freejoint/><geom name="crate" type="box" size="0.1 0.2 0.3"/></body></worldbody></mujoco>"""
+
+
+def test_all_corners_of_a_box_touch_a_plane_by_the_rule_of_mujoco_warp(tmp_path: Path) -> None:
+    path = written(tmp_path, SUNK)
+    robot, (rule, _) = read_robot(path), shape_rules_of("mujoco_warp", "mujoco")
+    states, signs = np.array([[0.0, 0.0, -0.5, 1.0, 0.0, 0.0, 0.0]]), list(itertools.product((-1.0, 1.0), repeat=3))
+    (lowest, *_), *_ = found_at(path, states)
+    corners = [(np.array(one) * (0.1, 0.2, 0.3) + (0.0, 0.0, -0.5)).tolist() for one in signs]
+    every = [replace(lowest, distance=z, point=(x, y, z / 2)) for x, y, z in corners]
+    assert robot.shapes is not None and [rule.bears_on(robot.tree, one) for one in robot.shapes.shapes] == [False, True]
+    about = robot, states, [every], ["floor", "crate"], 2.0**-24
+    documented, by_rule = hold_shapes(*about), hold_shapes(*about, rule.every_corner)
+    assert documented is not None and re.fullmatch(r"'crate' .* and 'floor' .* touch in 8 points, where the file has 4", documented.rest[0])
+    assert by_rule is not None and (by_rule.verdict, by_rule.contacts, by_rule.rest) == (Verdict.AGREES, 8, [])
+    seven = hold_shapes(robot, states, [every[1:]], *about[3:], rule.every_corner)
+    assert seven is not None and seven.verdict == Verdict.DISAGREES
 
 
 def text_with(old: str, new: str) -> str:
@@ -471,10 +508,10 @@ def test_a_shape_that_is_nearly_in_a_frame_of_its_body_is_put_there(place: str, 
 def test_one_that_is_further_from_them_stays_where_the_file_has_it(position: str, orientation: str, tmp_path: Path) -> None:
     path = written(tmp_path, NEARLY.format(pos=position, quat=orientation))
     record = judge_switched_on(meant_by(path), "mujoco")
-    assert record.shapes is not None and (record.shapes.verdict, record.shapes.placement, record.shapes.rest) == (Verdict.AGREES, "", [])
-    robot, placement = read_robot(path), placement_of("mujoco", "")
-    assert robot.shapes is not None and placement is not None
-    assert [as_placed(placement, robot.tree, shape) for shape in robot.shapes.shapes] == [*robot.shapes.shapes]
+    assert record.shapes is not None and (record.shapes.verdict, record.shapes.rule, record.shapes.rest) == (Verdict.AGREES, "", [])
+    robot, (rule,) = read_robot(path), shape_rules_of("mujoco", "")
+    assert robot.shapes is not None
+    assert [rule.of(robot.tree, shape) for shape in robot.shapes.shapes] == [*robot.shapes.shapes]
 
 
 @pytest.mark.usefixtures("at_few_states")

@@ -58,7 +58,7 @@ def placed(path: Path, count: int, seed: int) -> tuple[States, Array, list[list[
         data.qacc_warmstart[:] = 0.0
         mujoco.mj_forward(model, data)
         states.q[state], states.v[state], states.tau[state], answers[state] = data.qpos, data.qvel, data.qfrc_applied, data.qacc
-        found.append(found_contacts(model, data))
+        found.append(found_contacts(model, data.contact[: data.ncon]))
         doing |= {int(one) for one in data.efc_state}
     return states, answers, found, doing
 

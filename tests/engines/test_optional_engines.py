@@ -19,10 +19,14 @@ from studies import silent
 from support import harness, harness_in_a_process, make_library
 
 from harness.bench.methods import find_methods
+from harness.comparison.robot_library import robot_at
+from harness.comparison.switched_on import pose, with_verdict
 from harness.crosscheck.assignment import Assignment
 from harness.engines import EQUATIONS, Subject, describe_engines, known_subjects, load_engine, select_subjects, subjects
 from harness.engines.coordinates import BALL, FREE, Columns, rotation
 from harness.environments import find_environments
+from harness.explain import touching as explain_touching
+from harness.explain.meant import meant
 from harness.files.model_file import read_model
 from harness.hard import touching
 from harness.hard.touching import SETTINGS
@@ -35,7 +39,7 @@ from harness.truth.compare import compare
 from harness.truth.quantities import TruthBasis, find_quantities
 from harness.truth.quantities.accelerations import AccelerationTruth
 from harness.truth.sampling import random_sample
-from harness.verdict import AGREEMENT
+from harness.verdict import AGREEMENT, Verdict
 from harness.workers import Workers
 
 BUILT_IN = Library.built_in()
@@ -484,6 +488,50 @@ def test_mujoco_warp_is_judged_on_files_with_all_on(environment: Callable[[str],
     (record,) = found["switched_on"]
     assert record["explained"] and record["backward_error"] < AGREEMENT and len(record["departures"]) == 1
     assert len(record["parts"]) == 7
+
+
+# A box with an arm, and marbles, each with directions of its own; the shapes have contacts in MJX and in MuJoCo Warp.
+TOUCHING = """<mujoco><option cone="{cone}" impratio="2" solver="Newton" iterations="100" tolerance="0"/><worldbody>
+  <geom name="floor" type="plane" size="2 2 0.1" friction="0.7 0.01 0.001"/>
+  <body pos="0 0 0.11"><freejoint/><geom name="box" type="box" size="0.1 0.12 0.1" mass="1.3" condim="3"/>
+    <body pos="0.1 0 0.1"><joint axis="0 1 0" damping="0.1"/>
+      <geom name="rod" type="capsule" fromto="0 0 0 0.3 0 0.1" size="0.03" mass="0.4" condim="6"/></body></body>
+  <body pos="0.4 0 0.05"><freejoint/><geom name="marble" size="0.05" mass="0.2" condim="4" margin="0.002"/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("name", "cone"), [
+    ("mujoco_warp", "pyramidal"),
+    ("mujoco_warp", "elliptic"),
+    ("mjx_float32", "elliptic"),
+    ("mjx", "pyramidal"),
+])  # fmt: skip
+def test_contacts_are_judged_as_an_engine_on_a_device_finds_them(
+    name: str, cone: str, environment: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In data roundoffs of its own numbers; one that is off by a thousandth is red."""
+    monkeypatch.setenv("HARNESS_CACHE", str(environment(name)))
+    describe_engines(BUILT_IN, Workers)
+    path = tmp_path / "touching.xml"
+    path.write_text(TOUCHING.format(cone=cone))
+    record, posed = pose(meant(robot_at(path), 256, seed=0), name)
+    assert posed is not None
+    right = with_verdict(record, posed.case, posed.asked, posed.answers, names=False)
+    assert right.explained and right.touching > 64 and right.backward_error is not None and right.backward_error < AGREEMENT
+    if name == "mujoco_warp":
+        assert posed.shapes is not None and posed.shapes.verdict != Verdict.DISAGREES and posed.shapes.contacts > 64
+    else:
+        assert posed.shapes is None
+    found = explain_touching.contacts_of
+    for change in (
+        lambda one: replace(one, friction=(1.001 * one.friction[0], *one.friction[1:])),
+        lambda one: replace(one, distance=1.001 * one.distance),
+    ):
+        monkeypatch.setattr(explain_touching, "contacts_of", lambda own, *about, change=change: found([*map(change, own)], *about))
+        record, posed = pose(meant(robot_at(path), 64, seed=0), name)
+        assert posed is not None
+        assert not with_verdict(record, posed.case, posed.asked, posed.answers, names=False).explained
 
 
 @pytest.mark.nightly

@@ -200,7 +200,7 @@ class Stepped:
         data.qvel[:] = random.normal(size=7) * 10 ** random.uniform(-2, 0.5)
         data.qfrc_applied[:], data.qacc_warmstart[:] = random.normal(size=7) * 5, 0
         mujoco.mj_forward(self.model, data)
-        return state(data.qpos, data.qvel, data.qfrc_applied), found_contacts(self.model, data), data.qacc.copy()
+        return state(data.qpos, data.qvel, data.qfrc_applied), found_contacts(self.model, data.contact[: data.ncon]), data.qacc.copy()
 
     def error(self, states: int, change=lambda found: found) -> float:  # type: ignore[no-untyped-def]
         """The most data roundoffs between MuJoCo and the optimum, of contacts that ``change`` makes others, at so many further states."""

@@ -3,7 +3,8 @@
 JAX computes in float32 unless its 64 bits are switched on, so that each precision is an engine of its own. States go through one compiled
 function in blocks, see its module ``device``.
 
-Its constraints are MuJoCo's, soft by the law that the file declares (``harness.engines.adapters.mujoco.law``).
+Its constraints are MuJoCo's, soft by the law that the file declares (``harness.engines.adapters.mujoco.law``). In float64 its solver ends
+early on elliptic cones: docs/issues/mjx-elliptic-cones-end-early.md.
 
 Source: MuJoCo documentation, MuJoCo XLA (MJX), with its table of what is not implemented.
 """
@@ -39,6 +40,7 @@ class MjxEngine(Engine):
     optional = True
     factorises_mass_matrix = True
     has_soft_constraints = True
+    contacts = staticmethod(law.contacts)
     reader = "mujoco"
     inertias_about = "tree"
     supplied: Mapping[str, str] = {"mjcf": "springs or dampers that it leaves out because the others are switched off"}

@@ -28,7 +28,7 @@ from harness.engines import Unsupported
 from harness.engines.adapters.mujoco import robot
 from harness.engines.adapters.mujoco.acting import actuators_of, rub_and_limit_alone
 from harness.engines.adapters.mujoco.model import MujocoModel
-from harness.engines.adapters.mujoco.on_device import DeviceFile, DeviceModel, in_blocks, still
+from harness.engines.adapters.mujoco.on_device import CONTACT, DeviceFile, DeviceModel, contacts_in, in_blocks, still
 from harness.engines.adapters.mujoco.versions import keep_what_is_on
 from harness.engines.request import Refused, Request
 from harness.files.model_file import ModelFile
@@ -42,13 +42,19 @@ _HARDLY_ANY = 1e-30
 COMPILER_OPTIONS = {"xla_disable_hlo_passes": "fusion,fusion_wrapper", "xla_backend_optimization_level": 0}
 
 
-def _forward(model: Any, empty: Any, q: Any, v: Any, tau: Any) -> Any:
-    return mjx.forward(model, empty.replace(qpos=q, qvel=v, qfrc_applied=tau)).qacc
+def _computed(model: Any, empty: Any, q: Any, v: Any, tau: Any, *driving: Any) -> Any:
+    given = dict(zip(("ctrl", "act"), driving, strict=False))
+    return mjx.forward(model, empty.replace(qpos=q, qvel=v, qfrc_applied=tau, **given))
 
 
-def _driven(model: Any, empty: Any, q: Any, v: Any, tau: Any, *driving: Any) -> Any:
-    control, activation = driving
-    return mjx.forward(model, empty.replace(qpos=q, qvel=v, qfrc_applied=tau, ctrl=control, act=activation)).qacc
+def _forward(*state: Any) -> Any:
+    return _computed(*state).qacc
+
+
+def _touching(*state: Any) -> Any:
+    data = _computed(*state)
+    contact = data._impl.contact
+    return data.qacc, {name: getattr(contact, name) for name in CONTACT} | {"dim": jnp.asarray(contact.dim)}
 
 
 def _mass_matrix(model: Any, empty: Any, q: Any) -> Any:
@@ -104,6 +110,11 @@ def _compiled(of_a_state: Callable[..., Any], vectors: int) -> Any:
 _FORWARD_DERIVATIVES, _INVERSE_DERIVATIVES = (functools.partial(_derivatives, one) for one in (_forward, _inverse))
 
 
+def _plain(values: Any) -> Array:
+    """An array of the device as one of NumPy, of real numbers in float64."""
+    return np.asarray(values, dtype=np.float64 if jnp.issubdtype(values.dtype, jnp.floating) else None)
+
+
 class ModelOnDevice:
     """An ``mjx.Model`` of an ``MjModel``, asked in blocks of states.
 
@@ -113,23 +124,34 @@ class ModelOnDevice:
         NotImplementedError: MJX has no such part of a model.
     """
 
+    contacts: Sequence[Sequence[Any]] = ()
+    # It takes a manifold of its own, of corners within 1 mm of the deepest: mjx/_src/collision_convex.py, plane_convex.
+    touches_as_mujoco = False
+
     def __init__(self, model: Any, in_float64: bool, **numbers: Array) -> None:
-        self._in_float64 = in_float64
+        self._in_float64, self._touches = in_float64, not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         with jax.enable_x64(in_float64):
             self._model, self._empty = mjx.put_model(model).replace(**numbers), mjx.make_data(model)
 
     def accelerations(self, qpos: Array, qvel: Array, applied: Array, *driving: Array) -> Array:
         """(n, nv) at MuJoCo's own positions (n, nq), velocities and applied forces (n, nv); controls and activations where it drives."""
-        return self.evaluate(_driven if driving else _forward, qpos, qvel, applied, *driving)
+        accelerations: Array
+        if self._touches:
+            accelerations, contacts = self.evaluate(_touching, qpos, qvel, applied, *driving)
+            self.contacts = [contacts_in({name: own[state] for name, own in contacts.items()}) for state in range(len(qpos))]
+        else:
+            accelerations = self.evaluate(_forward, qpos, qvel, applied, *driving)
+        return accelerations
 
-    def evaluate(self, of_a_state: Callable[..., Any], *given: Array) -> Array:
-        """Answers of a function of the model, its empty data and one state, at n states: positions, velocities and further vectors."""
+    def evaluate(self, of_a_state: Callable[..., Any], *given: Array) -> Any:
+        """Arrays of a function of the model, its empty data and one state, at n states: positions, velocities and further vectors."""
         answers = []
         for block in zip(*(in_blocks(values, BLOCK) for values in given), strict=True):
             full, count = [values for values, _ in block], block[0][1]
             with jax.enable_x64(self._in_float64):
-                answers.append(np.asarray(_compiled(of_a_state, len(given))(self._model, self._empty, *full), dtype=np.float64)[:count])
-        return np.concatenate(answers)
+                found = _compiled(of_a_state, len(given))(self._model, self._empty, *full)
+                answers.append(jax.tree.map(lambda own, count=count: _plain(own)[:count], found))
+        return jax.tree.map(lambda *parts: np.concatenate(parts), *answers)
 
 
 class MjxModel(DeviceModel[ModelOnDevice]):
@@ -154,7 +176,8 @@ class MjxModel(DeviceModel[ModelOnDevice]):
 
     def bias(self, q: Array, v: Array) -> Array:
         """``qfrc_bias``."""
-        return self._on_device.evaluate(_bias, *self._compiled.own(q, v))[:, self._compiled.addresses[1]]
+        found: Array = self._on_device.evaluate(_bias, *self._compiled.own(q, v))
+        return found[:, self._compiled.addresses[1]]
 
     def gravity(self, q: Array) -> Array:
         """``qfrc_bias`` at rest."""
@@ -162,11 +185,12 @@ class MjxModel(DeviceModel[ModelOnDevice]):
 
     def inverse_dynamics(self, q: Array, v: Array, qdd: Array) -> Array:
         """``mjx.inverse``."""
-        return self._on_device.evaluate(_inverse, *self._compiled.own(q, v, qdd))[:, self._compiled.addresses[1]]
+        found: Array = self._on_device.evaluate(_inverse, *self._compiled.own(q, v, qdd))
+        return found[:, self._compiled.addresses[1]]
 
     def _matrices(self, of_a_state: Callable[..., Any], q: Array, v: Array, third: Array) -> Array:
         velocities = self._compiled.addresses[1]
-        found = self._on_device.evaluate(of_a_state, *self._compiled.own(q, v, third))
+        found: Array = self._on_device.evaluate(of_a_state, *self._compiled.own(q, v, third))
         return np.ascontiguousarray(found[:, :, velocities][:, :, :, velocities])
 
 

@@ -5,6 +5,7 @@ Source: MuJoCo documentation, API reference, ``mjContact``.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -20,12 +21,12 @@ _DEFORMABLE = "is of a deformable body"
 _UNREAD = {"adhesion": "has adhesion", "surfacevel": "is of a surface that moves by itself"}
 
 
-def found_contacts(model: Any, data: Any) -> list[FoundContact]:
-    """The contacts of a state after ``mj_forward``, those that do not push among them.
+def found_contacts(model: Any, contacts: Iterable[Any]) -> tuple[FoundContact, ...]:
+    """The contacts of a state, each with the fields of ``mjContact``, as ``data.contact`` after ``mj_forward``; not all of them push.
 
     Frames are as they are found, which need not be square, docs/issues/mujoco-tangent-of-upright-capsules.md.
     """
-    return [_found(model, one) for one in data.contact[: data.ncon]]
+    return tuple(_found(model, one) for one in contacts)
 
 
 def _found(model: Any, one: Any) -> FoundContact:

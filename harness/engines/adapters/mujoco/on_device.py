@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
 from typing import Any, Generic, Protocol, TypeVar
 
 import mujoco
@@ -11,13 +12,25 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines import HeldModel, LoadedModel
 from harness.engines.adapters.mujoco.acting import placed_controls
+from harness.engines.adapters.mujoco.contacts import found_contacts, shapes_that_touch
 from harness.engines.adapters.mujoco.model import MujocoModel
 from harness.engines.adapters.mujoco.robot import MujocoFile
 from harness.engines.loaded_file import EngineRun, LoadedFile
 
+# What contacts of devices share with ``mjContact``, beside the number of their directions.
+CONTACT = ("dist", "pos", "frame", "geom", "includemargin", "friction", "solref", "solreffriction", "solimp")
+
 
 class OnDevice(Protocol):
-    """An ``MjModel`` there."""
+    """An ``MjModel`` there.
+
+    Attributes:
+        contacts: of each state that was asked last, with the fields of ``mjContact``; none where they are off.
+        touches_as_mujoco: whether they are meant to be in the points in which MuJoCo has them.
+    """
+
+    contacts: Sequence[Sequence[Any]]
+    touches_as_mujoco: bool
 
     def accelerations(self, qpos: Array, qvel: Array, applied: Array, *driving: Array) -> Array:
         """(n, nv) at MuJoCo's own positions (n, nq), velocities and applied forces (n, nv); controls and activations where it drives."""
@@ -61,10 +74,19 @@ class DeviceFile(LoadedFile):
         super().__init__(compiled.request, [joint.name for joint in compiled.found])
         self._compiled, self._on_device, self.notes = compiled, on_device, compiled.notes
 
+    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
+        return self.driven_dynamics(q, v, tau)
+
     def driven_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
         run = DeviceRun(self._compiled.prepare(q, v, tau, *driving), self._on_device)
         run.compute()
+        self.contacts = [found_contacts(self._compiled.model, own) for own in self._on_device.contacts]
+        self.shapes = shapes_that_touch(self._compiled.model) if self.contacts and self._on_device.touches_as_mujoco else []
         return run.accelerations()
+
+    def settled(self, v: Array, steps: Sequence[int]) -> tuple[Array, Array]:
+        """See ``LoadedFile``; by MuJoCo itself, as any way to states at which bodies touch will do."""
+        return self._compiled.settled(v, steps)
 
     def prepare(self, q: Array, v: Array, tau: Array) -> DeviceRun:
         return DeviceRun(self._compiled.prepare(q, v, tau), self._on_device)
@@ -89,6 +111,12 @@ def still(model: Any, driven: Sequence[int]) -> None:
     # Numbers alone: with another type XLA and Warp compile anew.
     muscles = [number for number in off if model.actuator_gaintype[number] > int(mujoco.mjtGain.mjGAIN_AFFINE)]
     model.actuator_gaintype[muscles], model.actuator_biastype[muscles] = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_NONE
+
+
+def contacts_in(columns: Mapping[str, Array]) -> list[SimpleNamespace]:
+    """Contacts one by one, of arrays of each of their fields."""
+    own = {**columns, "frame": columns["frame"].reshape(-1, 9)}
+    return [SimpleNamespace(**dict(zip(own, values, strict=True))) for values in zip(*own.values(), strict=True)]
 
 
 def in_blocks(values: Array, size: int) -> list[tuple[Array, int]]:

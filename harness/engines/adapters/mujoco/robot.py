@@ -283,7 +283,7 @@ class MujocoFile(LoadedFile):
             data.ctrl[:], data.act[:] = control, activation
             forward(model, data)
             if touches:
-                contacts.append(tuple(found_contacts(model, data)))
+                contacts.append(found_contacts(model, data.contact[: data.ncon]))
             if not is_coupled:
                 return accelerations
             fill_mass_matrix(model, data, mass := np.empty((model.nv, model.nv)))

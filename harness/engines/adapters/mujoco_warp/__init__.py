@@ -31,6 +31,7 @@ class MujocoWarpEngine(Engine):
     optional = True
     factorises_mass_matrix = True
     has_soft_constraints = True
+    contacts = staticmethod(law.contacts)
     reader = "mujoco"
     inertias_about = "tree"
     unit_roundoff = 2.0**-24

@@ -19,13 +19,15 @@ from harness.engines import Unsupported
 from harness.engines.adapters.mujoco import robot
 from harness.engines.adapters.mujoco.acting import actuators_of, rub_and_limit_alone
 from harness.engines.adapters.mujoco.model import MujocoModel
-from harness.engines.adapters.mujoco.on_device import DeviceFile, DeviceModel, in_blocks, still
+from harness.engines.adapters.mujoco.on_device import CONTACT, DeviceFile, DeviceModel, contacts_in, in_blocks, still
 from harness.engines.adapters.mujoco.versions import fill_mass_matrix
 from harness.engines.request import Refused, Request
 from harness.engines.warp_kernels import keep_compiled
 from harness.files.model_file import ModelFile
 
 BLOCK = 64
+# Contacts of a world, and rows of its constraints, for which there is room where bodies touch; by default there are 64 rows.
+MOST_CONTACTS, MOST_ROWS = 128, 1024
 # Of ``Data``, all that a state has.
 GIVEN = ("qvel", "qfrc_applied", "ctrl", "act", "qacc", "qacc_warmstart")
 
@@ -37,9 +39,14 @@ class ModelInWorlds:
         NotImplementedError: Warp has no such part of a model.
     """
 
+    touches_as_mujoco = True
+
     def __init__(self, model: Any) -> None:
+        self.contacts: Sequence[Sequence[Any]] = ()
+        self._touches = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         with warp.ScopedDevice("cpu"):
-            self._model, self._data = mujoco_warp.put_model(model), mujoco_warp.make_data(model, nworld=BLOCK)
+            room = {"nconmax": MOST_CONTACTS, "njmax": MOST_ROWS} if self._touches else {}
+            self._model, self._data = mujoco_warp.put_model(model), mujoco_warp.make_data(model, nworld=BLOCK, **room)
 
     def accelerations(self, qpos: Array, qvel: Array, applied: Array, *driving: Array) -> Array:
         """See ``harness.engines.adapters.mujoco.on_device``."""
@@ -48,17 +55,34 @@ class ModelInWorlds:
 
     def answers(self, compute: Callable[..., None], found: str, **given: Array) -> Array:
         """An array of ``Data`` at each state, (n, its width), by a function of Warp; what is not given of ``GIVEN`` is zero."""
-        answers = []
+        answers, contacts = [], list[list[Any]]()
         for block in zip(*(in_blocks(values, BLOCK) for values in given.values()), strict=True):
             with warp.ScopedDevice("cpu"):
                 # A solver that starts from the last answer would make this one depend on it.
-                for name in GIVEN:
+                for name in (*GIVEN, "overflow"):
                     getattr(self._data, name).zero_()
                 for name, (values, _) in zip(given, block, strict=True):
                     getattr(self._data, name).assign(values.astype(np.float32))
                 compute(self._model, self._data)
+                self._require_room(block[0][1])
                 answers.append(getattr(self._data, found).numpy().astype(np.float64)[: block[0][1]])
+                if self._touches:
+                    contacts += self._touching(block[0][1])
+        self.contacts = contacts
         return np.concatenate(answers)
+
+    def _require_room(self, count: int) -> None:
+        """Raises Refused where an answer of the first worlds is of a part of the contacts or rows alone."""
+        without = np.bitwise_or.reduce(self._data.overflow.numpy()[:count]) & ~int(mujoco_warp.OverflowType.ITERATIONS)
+        if without:
+            raise Refused(f"MuJoCo Warp has no room for all of a state: {mujoco_warp.OverflowType(int(without))!r}")
+
+    def _touching(self, count: int) -> list[list[Any]]:
+        """The contacts of the first worlds, in which pairs of shapes come in the order in which threads found them."""
+        found, contacts = self._data.nacon.numpy()[0], self._data.contact
+        names, worlds = (*CONTACT, "dim", "adhesion", "surfacevel"), contacts.worldid.numpy()[:found]
+        columns = {name: getattr(contacts, name).numpy()[:found] for name in names}
+        return [contacts_in({name: own[worlds == world] for name, own in columns.items()}) for world in range(count)]
 
 
 class WarpModel(DeviceModel[ModelInWorlds]):

@@ -14,9 +14,9 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines.request import BodyInertia
 from harness.engines.tree_request import frame_of as tree_frame
-from harness.explain.changes.placements import ALIKE, frame_of
 from harness.explain.changes.readings import computed, element_at, law, matrix_of, moments_of, with_bodies
 from harness.explain.changes.readings._fused import LEAST_MASS, carried, joined
+from harness.explain.changes.shape_rules import ALIKE, frame_of
 from harness.files.given import Given, Placement, Pose, vector
 from harness.files.tree import WORLD, Body, Inertia, Solid, Tree
 from harness.trees.bodies.inertias import whole

@@ -1,6 +1,6 @@
-"""Placements: where an engine's compiler puts shapes elsewhere than their file does, found in its source alone.
+"""Rules of engines for shapes, found in their source alone: poses that are not the file's, and more points than are documented.
 
-Contacts are held against the file; those that are where such a shape touches are told as that.
+Contacts are held against the file; those that are where such a rule has them are told as that.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.files.given import ORIGIN, Pose
-from harness.files.shapes import Shape
+from harness.files.shapes import BOX, Shape
 from harness.files.tree import WORLD, Tree
 from harness.trees.bodies.spatial import FileBuilder, placed
 
@@ -22,29 +22,34 @@ _BITS = 128
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShapePlacement:
-    """A placement of shapes that is not the file's.
+class ShapeRule:
+    """A rule for shapes that is not the documented one.
 
     Attributes:
         engine: of whom. sentence, remedy, source: as of ``harness.explain.changes.departures.Departure``.
         placed: the pose of a shape of a tree as the engine has it; an equal one where that is the file's.
+        every_corner: whether boxes touch planes with all of their corners, those above their centres too.
     """
 
     engine: str
     sentence: str
     remedy: str
     source: str
-    placed: Callable[[Tree, Shape], Pose]
+    placed: Callable[[Tree, Shape], Pose] = lambda _tree, shape: shape.pose
+    every_corner: bool = False
+
+    def of(self, tree: Tree, shape: Shape) -> Shape:
+        """The shape where the engine has it."""
+        return shape if shape.ends else replace(shape, pose=self.placed(tree, shape))
+
+    def bears_on(self, tree: Tree, shape: Shape) -> bool:
+        """True for a shape that has other contacts by this rule."""
+        return (self.every_corner and shape.kind == BOX) or self.of(tree, shape) != shape
 
 
-def placement_of(engine: str, reader: str) -> ShapePlacement | None:
-    """That of an engine, or of the engine whose reader it has; None without one."""
-    return next((one for one in _PLACEMENTS if one.engine in (engine, reader)), None)
-
-
-def as_placed(placement: ShapePlacement, tree: Tree, shape: Shape) -> Shape:
-    """The shape where the engine has it."""
-    return shape if shape.ends else replace(shape, pose=placement.placed(tree, shape))
+def shape_rules_of(engine: str, reader: str) -> list[ShapeRule]:
+    """Those of an engine, and of the engine whose reader it has."""
+    return [one for one in _RULES if one.engine in (engine, reader)]
 
 
 def _in_a_frame_of_the_body(tree: Tree, shape: Shape) -> Pose:
@@ -84,8 +89,15 @@ def _quaternion(turn: Array) -> Array:
     return np.asarray(Rotation.from_matrix(turn).as_quat(scalar_first=True))
 
 
-_PLACEMENTS = (
-    ShapePlacement(
+_RULES = (
+    ShapeRule(
+        engine="mujoco_warp",
+        sentence="MuJoCo Warp has a box touch a plane with all eight corners, those above its centre too",
+        remedy="expect other contact forces than MuJoCo's where a box is in a plane with more than half of it",
+        source="docs/issues/mujoco-warp-corners-above-the-centre.md",
+        every_corner=True,
+    ),
+    ShapeRule(
         engine="mujoco",
         sentence="MuJoCo puts a geom into the frame of its body, or of the body's inertia, where their poses differ by less than 1e-6",
         remedy="write the pose of the geom as that of the inertial, or farther from it than 1e-6",
