@@ -142,11 +142,11 @@ def _shapes(at: Meant, caller: Engine, answers: EngineAnswers) -> ShapesRecord |
     if found is None or not found.rest or shapes is None:
         return found
     for rule in shape_rules_of(caller.name, caller.reader):
-        felt = [one.place.line for one in shapes.shapes if rule.bears_on(tree, one)]
+        lines = [one.place.line for one in shapes.shapes if rule.bears_on(tree, one)]
         robot = replace(at.robot, shapes=replace(shapes, shapes=tuple(rule.of(tree, one) for one in shapes.shapes)))
-        by_rule = hold_shapes(robot, at.states.q, *about, rule.every_corner) if felt else found
+        by_rule = hold_shapes(robot, at.states.q, *about, rule.every_corner) if lines else found
         if by_rule is not None and not by_rule.rest:
-            told = f"{rule.sentence} ({lines_text(felt)}): {rule.remedy}"
+            told = f"{rule.sentence} ({lines_text(lines)}): {rule.remedy}"
             return replace(by_rule, verdict=str(Verdict.EXPLAINED.value), rule=told)
     return found
 
