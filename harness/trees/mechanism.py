@@ -166,7 +166,7 @@ def accelerations_of(recursion: FileProgram, states: States) -> Array:
             outputs = evaluate(*q.tolist(), *v.tolist(), *tau.tolist(), float(time))
             force = right_hand_side(outputs, [flint.arb(applied) for applied in tau.tolist()])
             solution = solved(mass_matrix(outputs["mass"], nv), force)
-            if all(ball.rel_accuracy_bits() >= LEAST_BITS or ball == 0 for ball in solution):
+            if all(ball.rel_accuracy_bits() >= LEAST_BITS for ball in solution):
                 found[row] = [float(ball) for ball in solution]
     return found
 

@@ -104,8 +104,8 @@ def test_a_fault_is_an_alarm(fault: str, tmp_path: Path, monkeypatch: pytest.Mon
     assignment, found_contacts = written(tmp_path, "walker", "elliptic", 3), robot.found_contacts
     states, _ = states_that_touch(assignment, 24, 7)
 
-    def wrong(model: object, data: object) -> list[FoundContact]:
-        own = found_contacts(model, data.contact[: data.ncon])
+    def wrong(model: object, contacts: object) -> list[FoundContact]:
+        own = found_contacts(model, contacts)
         match fault:
             case "distance":
                 return [replace(one, distance=one.distance * 1.001) for one in own]

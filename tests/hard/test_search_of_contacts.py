@@ -111,8 +111,8 @@ def test_a_contact_that_rubs_otherwise_is_red(tmp_path: Path, monkeypatch: pytes
     assert not (own.judge(states).verdicts == Verdict.DISAGREES.value).any()
     found_contacts = robot.found_contacts
 
-    def rubs_more(model: object, data: object) -> list[FoundContact]:
-        return [replace(one, friction=(1.001 * one.friction[0], *one.friction[1:])) for one in found_contacts(model, data)]
+    def rubs_more(model: object, contacts: object) -> list[FoundContact]:
+        return [replace(one, friction=(1.001 * one.friction[0], *one.friction[1:])) for one in found_contacts(model, contacts)]
 
     monkeypatch.setattr(robot, "found_contacts", rubs_more)
     verdicts = own.judge(states).verdicts

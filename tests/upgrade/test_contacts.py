@@ -109,8 +109,8 @@ def test_changes_of_contacts_are_among_those_of_a_file(portrait: ContactPortrait
 def test_a_version_that_finds_other_contacts_is_seen(robot: Robot, portrait: ContactPortrait, monkeypatch: pytest.MonkeyPatch) -> None:
     from harness.engines.adapters.mujoco import robot as adapter
 
-    def dropped(model: object, data: object) -> list[FoundContact]:
-        return found_contacts(model, data)[1:]
+    def dropped(model: object, contacts: object) -> list[FoundContact]:
+        return found_contacts(model, contacts)[1:]
 
     monkeypatch.setattr(adapter, "found_contacts", dropped)
     now = contacts_portrayed(CALLED_HERE, robot, "mujoco", 1)
