@@ -63,6 +63,7 @@ def test_a_text_for_a_service_is_as_its_schema_says(pattern: str, schema: str) -
     assert complaints(schema, files) == ""
 
 
+@pytest.mark.ci
 def test_a_key_that_the_service_does_not_know_is_found(tmp_path: Path) -> None:
     text = (REPOSITORY / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
     (tmp_path / "ci.yml").write_text(text.replace("    runs-on:", "    run-on:", 1))
@@ -324,6 +325,7 @@ def metadata(tmp_path_factory: pytest.TempPathFactory) -> email.message.Message:
         return email.message_from_bytes(archive.read(name))
 
 
+@pytest.mark.ci
 def test_the_metadata_of_the_wheel_are_complete(metadata: email.message.Message) -> None:
     one = {"Name": PROJECT["name"], "Version": __version__, "Summary": PROJECT["description"], "License-Expression": "MIT"}
     one |= {"License-File": "LICENSE", "Requires-Python": ">=3.11", "Description-Content-Type": "text/markdown"}

@@ -56,6 +56,7 @@ def test_readme_comes_to_the_commands_soon() -> None:
     assert len(README.partition("## Run it")[0].split()) <= 250
 
 
+@pytest.mark.ci
 def test_readme_shows_what_its_command_prints() -> None:
     [block] = [block for block in blocks(README) if block.marks and block.marks[0].startswith("output of: ")]
     done = harness(*block.marks[0].removeprefix("output of: harness ").split(), cwd=REPOSITORY)

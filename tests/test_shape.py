@@ -393,6 +393,7 @@ def compare_all(*arguments):
 MOST_FILES_OF_A_STATE = 27
 
 
+@pytest.mark.ci
 def test_the_first_state_of_a_process_goes_through_at_most_27_files() -> None:
     found = files_of_a_state(REPOSITORY)
     assert len(found) <= MOST_FILES_OF_A_STATE, found

@@ -191,6 +191,7 @@ def test_a_comparison_of_answers_says_how_many_agree_and_shows_the_worst_first()
     assert repr(pendulum.compare(q[:1], 0 * q[:1], answers[:1])).startswith("the answer agrees with the truth")
 
 
+@pytest.mark.ci
 def test_a_check_is_a_table_of_records(tmp_path: Path) -> None:
     records = harness.check("bar_pendulum", states=40)
     assert {record.subject for record in records} >= {"lagrange", "mujoco/mjcf", "pinocchio/urdf"}

@@ -139,6 +139,7 @@ def test_a_number_of_a_robot_s_file_has_another_value() -> None:
         robot.with_parameters({mass: float("inf")})
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["cart_pendulum", "double_pendulum", "chain_3", "four_bar"])
 def test_a_system_without_files_has_the_numbers_of_the_file_s(name: str) -> None:
     own, known = harness.load(system(name)), harness.load(name)

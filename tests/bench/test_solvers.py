@@ -47,6 +47,7 @@ def costs(arm: Path) -> list[SolverCost]:
     return list(solvers.solver_costs(arm, "mujoco", 32, 0, silent))
 
 
+@pytest.mark.ci
 def test_each_method_is_given_iterations_until_it_is_right(costs: list[SolverCost]) -> None:
     methods = ("Newton", "CG", "PGS")
     of_file, others = costs[0], costs[1 + len(methods) :]
@@ -77,6 +78,7 @@ def test_the_file_s_own_iterations_are_those_that_it_says(costs: list[SolverCost
     assert all(errors[method, None] == errors[method, 4] for method in ("Newton", "CG"))
 
 
+@pytest.mark.ci
 def test_each_solver_at_defaults_ends_by_its_tolerance(arm: Path, tmp_path: Path) -> None:
     """Iterations and tolerance are MuJoCo's 100 and 1e-8 where a file gives none: more of these, or a smaller one, come nearer."""
     (path := tmp_path / "arm.xml").write_text(ARM.replace('<option solver="PGS" iterations="4" tolerance="0"/>', ""))

@@ -59,6 +59,7 @@ def test_states_that_are_searched_at_limits_are_decided(folder: Path, name: str)
     assert counts.keys() <= {"agrees", "explained"}, counts
 
 
+@pytest.mark.ci
 def test_a_state_that_is_named_is_asked_as_it_is(folder: Path) -> None:
     words = ("--subject", "mujoco/mjcf", "--state")
     for q in ([2.125, 0.25], [-2.5, 0.75], [0.5, -0.25]):
@@ -92,6 +93,7 @@ def test_a_number_of_what_acts_that_an_engine_holds_otherwise_is_red_and_named(
     assert any(said in one for one in records["mujoco/mjcf"]["rest"]), records["mujoco/mjcf"]["rest"]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("states", ["60", "4"])
 def test_a_solver_that_stops_early_is_no_agreement_and_no_fault(folder: Path, states: str) -> None:
     done, records = checked(folder, "firm.xml", "--subject", "mujoco/mjcf", "--states", states)
@@ -129,6 +131,7 @@ def test_an_element_goes_to_another_process_with_all_that_it_holds() -> None:
     assert etree.tostring(pickle.loads(pickle.dumps(root))) == etree.tostring(root)
 
 
+@pytest.mark.ci
 def test_what_is_read_is_another_mechanism_though_no_equation_feels_the_difference() -> None:
     """Pinocchio passes over the pose of a body that is fixed to the world."""
     path = str(Library.built_in().model_path("two_fingers_bar", "mjcf"))

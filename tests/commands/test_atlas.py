@@ -105,6 +105,7 @@ def test_what_was_measured_is_kept_printed_and_written(stage: Stage, invoke: Cal
     assert "stiff_spring" in (tmp_path / "here" / "hard.html").read_text()
 
 
+@pytest.mark.ci
 def test_a_verdict_that_no_entry_expects_fails(stage: Stage, invoke: Callable[..., Result]) -> None:
     stage.answers = unstable
     result = invoke("stiff_spring", "--subject", "mujoco/mjcf")

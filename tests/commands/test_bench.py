@@ -199,6 +199,7 @@ def test_the_page_holds_the_latest_run_and_benchmark_of_the_library(
     assert [entry.way for entry in cheapest] == ["pinocchio aba"] * 3
 
 
+@pytest.mark.ci
 def test_motion_is_told_in_tables(invoke: Callable[..., Result], measure: Callable[..., None]) -> None:
     motion = [
         MotionCost(
@@ -240,6 +241,7 @@ def test_accelerations_of_one_system_for_real(tmp_path: Path) -> None:
     assert "spring_damper: speed against error" in (tmp_path / "reports" / "mechanisms" / "spring_damper.html").read_text()
 
 
+@pytest.mark.ci
 def test_costs_say_their_spread_their_loop_and_the_load(invoke: Callable[..., Result], measure: Callable[..., None]) -> None:
     entry = AccelerationCost(
         system="collar", method="pinocchio aba", states=10, seconds_per_state=2e-6, fastest=1.5e-6, slowest=4e-6, repetitions=9,
@@ -255,6 +257,7 @@ def test_costs_say_their_spread_their_loop_and_the_load(invoke: Callable[..., Re
     assert "3.00 µs per state, fastest 2.50 µs" in done.output
 
 
+@pytest.mark.ci
 def test_the_time_limit_is_the_profile_s_unless_one_is_given(invoke: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
     stage = Stage(answer)
     monkeypatch.setattr(workers, "Workers", stage)

@@ -70,6 +70,7 @@ def test_files_of_one_robot_and_files_that_are_not(tmp_path: Path) -> None:
     assert re.fullmatch(said, first)
 
 
+@pytest.mark.ci
 def test_a_joint_that_one_file_alone_moves_stands_still_while_the_rest_is_compared(tmp_path: Path) -> None:
     other = tmp_path / "other.urdf"
     other.write_text(ARM.read_text().replace('<joint name="elbow" type="revolute">', '<joint name="elbow" type="fixed">'))
@@ -129,6 +130,7 @@ def test_from_an_empty_folder_with_an_empty_home(tmp_path: Path) -> None:
     assert [path.name for path in work.iterdir()] == ["massless_foot.urdf"]
 
 
+@pytest.mark.ci
 def test_a_survey_has_a_row_for_each_robot(tmp_path: Path) -> None:
     robots = folder_of(tmp_path / "robots", "arm.urdf", "impossible.urdf", "mimic.urdf")
     (robots / "bad.urdf").write_text("<robot name='bad'><link name='a'/><link name='b'/></robot>")

@@ -451,6 +451,7 @@ def test_a_gain_that_an_engine_holds_otherwise_is_red_and_named(folder: Path, mo
     assert done.returncode == 1 and "gear = 3" in done.stdout and "6" in done.stdout, done.stdout
 
 
+@pytest.mark.ci
 def test_other_quantities_of_a_driven_file_are_those_without_its_actuators(folder: Path) -> None:
     shutil.copy(DRIVEN, folder)
     words = ("--quantity", "inverse_dynamics", "--quantity", "mass_matrix", "--quantity", "accelerations")

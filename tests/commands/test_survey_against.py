@@ -41,6 +41,7 @@ def test_robots_that_are_as_they_were_are_counted(folder: Path) -> None:
     assert not (folder / "reports").exists()
 
 
+@pytest.mark.ci
 def test_what_came_what_went_and_what_cannot_be_read_any_more_is_told(folder: Path) -> None:
     robots = folder / "robots"
     shutil.copy(robots / "arm.urdf", robots / "second.urdf")
@@ -54,6 +55,7 @@ def test_what_came_what_went_and_what_cannot_be_read_any_more_is_told(folder: Pa
     assert lines[5].startswith("    engines: pinocchio/urdf explained: joint damping")
 
 
+@pytest.mark.ci
 def test_a_file_that_another_includes_makes_it_another_robot(folder: Path) -> None:
     (folder / "robots" / "part.xml").write_text("<mujoco><option gravity='0 0 -1.62'/></mujoco>")
     done = survey(folder, "--json", "out.json", "--markdown", "out.md")

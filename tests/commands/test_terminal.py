@@ -185,6 +185,7 @@ def test_markup_in_the_label_of_a_progress_bar_is_text(monkeypatch: pytest.Monke
     assert "\x1b]0;" not in stream.getvalue() and "\x1b[31m" not in stream.getvalue()
 
 
+@pytest.mark.ci
 def test_a_library_with_a_hostile_file_name_is_checked_listed_and_shown(tmp_path: Path) -> None:
     library, name = make_library(tmp_path / "library", ["bar_pendulum"]), EVIL.replace("/", "")
     for path in list(library.rglob("bar_pendulum.*")):

@@ -68,6 +68,7 @@ def test_where_no_engine_is_asked_nothing_agrees(case: str, tmp_path: Path) -> N
     assert "agree" not in done.stdout.partition("\n")[0]
 
 
+@pytest.mark.ci
 def test_a_survey_counts_the_files_that_it_could_not_read(tmp_path: Path) -> None:
     shutil.copy(FILES / "arm.urdf", tmp_path)
     written(tmp_path, '<robot name="r"><link name="a"/></robot>')

@@ -70,6 +70,7 @@ def test_a_wrong_number_of_an_engine_elsewhere_is_unexplained(toy: Path) -> None
         assert record.outcome == "unexplained" and record.rest
 
 
+@pytest.mark.ci
 def test_what_an_engine_elsewhere_leaves_out_is_a_reading_of_its_file_or_unexplained(toy: Path) -> None:
     assert compared(BAR, "toy@1.2/urdf")["toy@1.2/urdf", "plain"].outcome == "unexplained"
     declared = toy / "toy_dampers.py"
@@ -104,6 +105,7 @@ def test_a_check_judges_a_plain_engine_elsewhere_as_a_comparison_does(toy: Path,
     assert (found.verdict, [one.name for one in found.readings], found.as_expected) == ("explained", ["joint damping"], True)
 
 
+@pytest.mark.ci
 def test_what_a_version_lacks_and_what_it_refuses_are_told(toy: Path) -> None:
     lacking = compared(BAR, "toy@1.3/urdf")["toy@1.3/urdf", "plain"]
     assert lacking.outcome == "refused" and lacking.message == "toy_engine 1.3 has no mass"

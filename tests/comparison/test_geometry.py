@@ -186,6 +186,7 @@ OTHER_FILES = {
 }
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("fault", OTHER_FILES)
 def test_contacts_of_another_file_are_red(fault: str, tmp_path: Path) -> None:
     text, what, name = OTHER_FILES[fault]
@@ -205,6 +206,7 @@ CHANGED: dict[str, Callable[[FoundContact], FoundContact]] = {
 }
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("fault", CHANGED)
 def test_contacts_that_are_changed_are_red(fault: str, tmp_path: Path) -> None:
     record = held(written(tmp_path, SHAPES), change=CHANGED[fault])
@@ -514,6 +516,7 @@ def test_one_that_is_further_from_them_stays_where_the_file_has_it(position: str
     assert [rule.of(robot.tree, shape) for shape in robot.shapes.shapes] == [*robot.shapes.shapes]
 
 
+@pytest.mark.ci
 @pytest.mark.usefixtures("at_few_states")
 def test_contacts_elsewhere_are_red_beside_one_that_is_put_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     call_engines_here(monkeypatch)

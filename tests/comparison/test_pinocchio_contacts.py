@@ -323,6 +323,7 @@ NAMED = {
 }
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("plant", [_one_percent_more, _dropped, _opposite, _non_convex, _rigid])
 def test_a_fault_of_the_engine_is_seen_and_named(plant: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch) -> None:
     call_engines_here(monkeypatch)

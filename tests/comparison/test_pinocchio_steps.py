@@ -54,6 +54,7 @@ def held_by(path: Path, engine: str) -> SwitchedOnRecord:
     return judge_switched_on(meant(robot_at(path), 64, seed=0), engine)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("engine", SOLVERS)
 def test_a_solver_stops_early_and_agrees_where_it_goes_on(engine: str, path: Path) -> None:
     record = held_by(path, engine)
@@ -219,6 +220,7 @@ def by_enumeration(robot: Robot, q: list[float], v: list[float], tau: list[float
     raise AssertionError("no way fits")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("change", [(RUBBING,), (RUBBING, ('friction="0.125"', "")), ()], ids=["both rub", "one rubs", "as it is"])
 def test_the_certified_step_is_that_of_the_documented_problem(change: tuple[tuple[str, str], ...], tmp_path: Path) -> None:
     robot = robot_at(edited(FILES / "arm.urdf", tmp_path, *change))

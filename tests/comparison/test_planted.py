@@ -154,6 +154,7 @@ def test_a_diagnosis_that_names_another_number_is_told(monkeypatch: pytest.Monke
     assert any("named first or in their class" in sentence for sentence in broken_bars(faults))
 
 
+@pytest.mark.ci
 def test_a_number_is_written_where_the_file_leaves_it_to_its_default() -> None:
     suspects = [one for own in FileCampaign(RUBBING, SETTINGS).numbers.values() for one in own]
     numbers = {(one.number.place.line, one.number.attribute, one.number.index): one for one in suspects}
@@ -208,6 +209,7 @@ def test_of_the_faults_of_dm_control_most_are_named_first() -> None:
     assert_most_are_named(suite("cartpole"), diagnosed=2)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("path", [DRIVEN, RUBBING], ids=lambda path: path.stem)
 def test_a_number_that_is_but_a_parameter_is_that_of_the_file_read_anew(path: Path) -> None:
     """What else would follow from it would be left as it was."""

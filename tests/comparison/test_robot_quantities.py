@@ -42,6 +42,7 @@ def test_both_engines_agree_with_the_numbers_of_an_arm() -> None:
         assert record.verdict == "agrees", (subject, quantity, record.message)
 
 
+@pytest.mark.ci
 def test_plain_engines_are_asked_about_the_joints_that_they_read() -> None:
     """Both leave a joint free that mimics another: every quantity is that of the robot with one joint more."""
     for (subject, quantity), record in checked(MIMIC, QUANTITIES, Stance.PLAIN).items():
@@ -49,6 +50,7 @@ def test_plain_engines_are_asked_about_the_joints_that_they_read() -> None:
         assert "mimic joints" in {reading.name for reading in record.readings} and record.stance == "plain"
 
 
+@pytest.mark.ci
 def test_what_would_have_to_be_converted_is_not_offered_and_says_so() -> None:
     records = checked(FLOATING, QUANTITIES)
     for (subject, quantity), record in records.items():
@@ -66,6 +68,7 @@ def test_a_mistake_is_red_for_a_robot_too(monkeypatch: pytest.MonkeyPatch) -> No
         assert record.verdict == "disagrees" and "gravity force on joint" in record.message and record.stance == stance
 
 
+@pytest.mark.ci
 def test_files_whose_names_together_are_longer_than_a_file_system_takes(tmp_path: Path) -> None:
     paths = [tmp_path / f"{'arm' * 40}_{number}.urdf" for number in range(3)]
     for path in paths:

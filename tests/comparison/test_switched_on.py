@@ -62,6 +62,7 @@ def assert_departs(record: SwitchedOnRecord, *departures: str) -> None:
     assert record.backward_error is not None and record.backward_error <= AGREEMENT and record.verdict == Verdict.DISAGREES
 
 
+@pytest.mark.ci
 def test_a_curved_coupling_departs_from_the_documentation_with_its_line_and_effect() -> None:
     """With a linear one in its place MuJoCo agrees."""
     record = of_four_bar()
@@ -167,6 +168,7 @@ BESIDE = """<mujoco>
 """
 
 
+@pytest.mark.ci
 def test_bodies_that_float_and_bodies_without_joints_are_tied(tmp_path: Path) -> None:
     """By anchors, whose second point is where the first stands with all joints at their reference, and by sites in frames."""
     path = tmp_path / "float.xml"
@@ -201,6 +203,7 @@ def test_welds_hold_points_and_orientations(tmp_path: Path) -> None:
     assert all(part.alone is not None and part.alone > 1e-3 for part in record.parts)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     "change",
     [

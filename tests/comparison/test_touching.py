@@ -193,7 +193,7 @@ def test_a_contact_that_is_another_at_one_state_of_those_alike_is_red(tmp_path: 
 def test_a_contact_that_is_dropped_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     call_engines_here(monkeypatch)
     found = adapter.found_contacts
-    monkeypatch.setattr(adapter, "found_contacts", lambda model, data: found(model, data)[1:])
+    monkeypatch.setattr(adapter, "found_contacts", lambda model, contacts: found(model, contacts)[1:])
     record, posed = pose(meant_by(written(tmp_path)), "mujoco")
     assert posed is not None
     record = with_verdict(record, posed.case, posed.asked, posed.answers, names=False)

@@ -196,6 +196,7 @@ def test_what_is_left_of_zero_is_said(library: Path, tmp_path: Path) -> None:
     assert record["message"] in done.stdout
 
 
+@pytest.mark.ci
 def test_gravity_that_is_tilted_by_a_billionth_is_red_there(library: Path) -> None:
     model = library / "mjcf" / "turntable_rod.xml"
     model.write_text(MJCF.replace('"0 0 -9.81"', '"9.81e-9 0 -9.81"'))

@@ -310,6 +310,7 @@ def test_what_fails_in_the_last_block_is_raised_as_it_is(monkeypatch: pytest.Mon
     assert caught.value is error
 
 
+@pytest.mark.ci
 def test_models_of_one_engine_are_asked_in_one_request_and_answer_as_each_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     assignments = assignments_of("double_pendulum", "mujoco/mjcf", "mujoco/urdf", "pinocchio/urdf")
     notes, requests, ask = list[str](), list[str](), Interpreter.ask

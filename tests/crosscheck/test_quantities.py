@@ -139,6 +139,7 @@ def test_what_no_acceleration_feels_is_named_by_its_line(
     assert f"{path}:{line}" in difference.places and len(difference.places) == 2
 
 
+@pytest.mark.ci
 def test_where_several_numbers_are_wrong_the_vector_and_the_audit_speak(tmp_path: Path) -> None:
     """A quarter of a kilogram goes from one link to the other, where the elbow is."""
     text = BUILT_IN.model_path("arm_2r", "mjcf").read_text()
@@ -167,6 +168,7 @@ def test_the_declared_file_is_the_librarys_own() -> None:
         declared_model(BUILT_IN, "whipple_bicycle")
 
 
+@pytest.mark.ci
 def test_a_library_that_is_wrong_itself_is_no_truth(tmp_path: Path) -> None:
     root = make_library(tmp_path / "library", ["arm_2r"])
     path = root / "mjcf" / "arm_2r.xml"
@@ -176,6 +178,7 @@ def test_a_library_that_is_wrong_itself_is_no_truth(tmp_path: Path) -> None:
     assert "data roundoffs from those of the energies" in str(study.problems[0]) and str(path) in str(study.problems[0])
 
 
+@pytest.mark.ci
 def test_the_command_compares_both_and_says_which(tmp_path: Path) -> None:
     options = [
         "--subject",

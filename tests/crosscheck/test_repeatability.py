@@ -44,6 +44,7 @@ def records(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Record]:
     return {record.subject: record for record in found}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("name", "expected"), MESSAGES.items(), ids=list(MESSAGES))
 def test_what_is_wrong_with_an_engine_is_named(records: dict[str, Record], name: str, expected: tuple[str, str]) -> None:
     record = records[f"{name}/mjcf"]
@@ -67,6 +68,7 @@ def test_what_failed_is_named_and_blamed_for_no_dynamics(records: dict[str, Reco
     assert blamed.party == "engine single" and "old gave no answers" in blamed.sentence
 
 
+@pytest.mark.ci
 def test_a_replay_of_one_state_is_held_against_itself(tmp_path: Path) -> None:
     root = make_library(tmp_path / "library", ["bar_pendulum"], {"noisy": changed_engine(ANSWERS["noisy"])})
     state = '{"q": [0.3], "v": [1.0], "tau": [0.2]}'

@@ -92,6 +92,7 @@ def test_an_exception_costs_the_subject_that_raised_it(tmp_path: Path) -> None:
     assert not study.crashed and study.problems == []
 
 
+@pytest.mark.ci
 def test_an_engine_that_cannot_be_loaded_is_not_asked_again(tmp_path: Path) -> None:
     """Neither are its drawings made, which would ask it: it is among what crashed."""
     root = make_library(tmp_path / "library", ["bar_pendulum"], {"unlicensed": "raise RuntimeError('no licence')"})
@@ -103,6 +104,7 @@ def test_an_engine_that_cannot_be_loaded_is_not_asked_again(tmp_path: Path) -> N
     assert study.crashes == {("bar_pendulum", subject) for subject in unlicensed}
 
 
+@pytest.mark.ci
 def test_an_engine_that_is_not_installed_is_unsupported_and_is_not_asked(tmp_path: Path) -> None:
     lacking = changed_engine("raise RuntimeError('asked')") + "\nENGINE.requires = ('nowhere_at_all', 'nowhere-at-all')\n"
     root = make_library(tmp_path / "library", ["bar_pendulum"], {"lacking": lacking})

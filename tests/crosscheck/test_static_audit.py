@@ -99,6 +99,7 @@ def test_a_hinge_whose_coordinate_passes_for_a_length_is_named(tmp_path: Path) -
     assert str(finding) == "atwood: joint pulley is a hinge, and the system's file has turn for a length: name it in angles=(turn,)"
 
 
+@pytest.mark.ci
 def test_a_difference_is_excused_up_to_its_size_and_no_longer_than_it_is_there(library: Path) -> None:
     expected, entry = library / "expected_verdicts.toml", ENTRY.format(joint="shoulder", ulps=1e15)
     change(library, THICK)

@@ -148,6 +148,7 @@ def test_a_reflected_inertia_is_felt() -> None:
     assert [(finding.element, finding.value) for finding in findings("0", "1e-15")] == [("transmission", 'name="t"')]
 
 
+@pytest.mark.ci
 def test_findings_are_kept_on_disk_and_damage_is_mended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("HARNESS_CACHE", str(tmp_path))
     found, _ = planted("cart_pendulum", MUJOCO, "<flag", "<flag")
@@ -214,6 +215,7 @@ def built_in_at(root: Path) -> Library:
 OPTIONS = ("--states", "40", "--quantity", "accelerations", "--json", "out.json")
 
 
+@pytest.mark.ci
 def test_a_surplus_is_a_warning_that_is_printed_and_in_the_json(library: Path) -> None:
     done = harness("check", "--library", str(library), *OPTIONS, cwd=library)
     assert done.returncode == 0, done.stdout + done.stderr

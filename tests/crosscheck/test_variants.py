@@ -98,6 +98,7 @@ def test_a_variant_of_nothing_is_named(root: Path) -> None:
     assert str(problem).endswith("bar_pendulums.turned.xml: has no system; expected systems/bar_pendulums.py beside it")
 
 
+@pytest.mark.ci
 def test_only_readers_of_its_formats_are_asked_at_the_states_of_its_system(root: Path) -> None:
     records = checked(root)
     of_variant = {subject: record for (system, subject), record in records.items() if system == VARIANT}

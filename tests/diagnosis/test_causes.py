@@ -145,6 +145,7 @@ def point_mass(root: Path, moment_in_urdf: str) -> Path:
     return root
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("moment_in_urdf", "formats"), [("0", {"mjcf"}), ("1e-15", {"mjcf", "urdf"})])
 def test_the_least_inertia_that_is_felt_is_named_with_its_remedy(tmp_path: Path, moment_in_urdf: str, formats: set[str]) -> None:
     """And no mass, length or gravity of fifteen digits, which would explain it as well."""

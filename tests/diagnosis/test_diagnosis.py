@@ -164,6 +164,7 @@ def test_gravity_and_an_offset_that_no_acceleration_tells_apart_are_one_class() 
     assert any("tells them apart" in line for line in diagnosis.lines)
 
 
+@pytest.mark.ci
 def test_a_model_that_answers_with_nan_is_explained_from_another_start() -> None:
     """A point mass on the axis has no inertia about it."""
     diagnosis = case("simple_pendulum", "urdf").diagnosis(('xyz="0 0 -2"', 'xyz="0 0 0"'))
@@ -307,6 +308,7 @@ def test_where_nothing_is_certified_nothing_is_fitted() -> None:
     assert (diagnosis.finding, diagnosis.explaining) == (Finding.UNDECIDED, ())
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("evaluations", [5, 100])
 def test_a_diagnosis_ends_after_its_evaluations_with_the_best_so_far(evaluations: int) -> None:
     own = case("puma_560", "mjcf")
@@ -369,6 +371,7 @@ def classes(columns: list[ChangeColumn]) -> list[list[int]]:
     return found
 
 
+@pytest.mark.ci
 def test_what_a_pendulum_determines_is_known_from_theory() -> None:
     """theta'' = a sin theta + b cos theta + tau c - d theta': a rigid body on one axis has three numbers, four with a damper."""
     pendulum, bar = (case(name, "mjcf").columns() for name in ("simple_pendulum", "bar_pendulum"))

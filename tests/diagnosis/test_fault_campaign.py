@@ -116,6 +116,7 @@ def test_a_base_turned_about_gravity_is_no_fault_and_one_turned_against_it_is(na
     assert not turned.is_live and turned.caught_by == ""
 
 
+@pytest.mark.ci
 def test_a_loop_that_opens_is_a_fault_where_accelerations_are_right() -> None:
     """The ground's point of a loop stands in no Jacobian; a micrometre shows in what the loop leaves."""
     bench = FaultBench(BUILT_IN, "slider_crank", "urdf", 16, 0)
@@ -245,6 +246,7 @@ def test_a_number_that_a_reader_rounds_away_is_felt_by_the_law_of_its_loop() -> 
     assert bench.ask(product.text(smallest / 10)).caught_by == ""
 
 
+@pytest.mark.ci
 def test_the_order_of_a_fault_that_is_felt_little_is_measured() -> None:
     """The governor's stiff springs hide a change of 1e-5 of an arm's inertia along itself, which moves the shaft in proportion.
 
@@ -270,6 +272,7 @@ def test_what_a_reader_cannot_express_is_left_to_the_others() -> None:
     assert [str(one.subject) for one in FaultBench(BUILT_IN, "coupled_oscillators", "mjcf", 16, 0).readers] == ["mujoco/mjcf"]
 
 
+@pytest.mark.ci
 def test_a_sound_model_that_an_engine_refuses_is_exit_status_2(tmp_path: Path) -> None:
     """Another reader of the same file does not make a campaign of it."""
     library = make_library(tmp_path / "refused", ["bar_pendulum"], {"mujoco": REFUSING})

@@ -118,6 +118,7 @@ def without_superfluous_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run, "find_superfluous", lambda assignment: [])
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("name", "subjects", "most"), WALKS)
 def test_what_is_caught_is_what_theory_says(name: str, subjects: list[Subject], most: int | None) -> None:
     for subject in subjects:

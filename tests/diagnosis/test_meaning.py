@@ -23,6 +23,7 @@ def turned(tmp_path: Path) -> Path:
     return edited(BUILT_IN.model_path("free_body", "mjcf"), tmp_path, change)
 
 
+@pytest.mark.ci
 def test_a_file_that_an_engine_misreads_into_the_right_one_is_at_fault(turned: Path) -> None:
     settings = Settings(library=BUILT_IN, names=["free_body"], states=20, examples=None, stand_ins={"mjcf": turned})
     records, _ = cross_checked(settings)

@@ -153,6 +153,7 @@ WRIST = """<mujoco><option timestep="0.002"/><worldbody><body>
 <keyframe><key qpos="0.3" ctrl="0.9"/></keyframe></mujoco>"""
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("most_exact", [10, 1])
 def test_motions_between_both_sides_that_break_down_decide_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most_exact: int
@@ -187,6 +188,7 @@ def test_no_share_is_claimed_where_rounding_is_as_large(tmp_path: Path) -> None:
     assert not any(far.of_positions) and any(far.rounding)
 
 
+@pytest.mark.ci
 def test_chaos_reaches_a_gap_that_is_felt_at_first(tmp_path: Path) -> None:
     (tmp_path / "a.xml").write_text(DOUBLE)
     (tmp_path / "b.xml").write_text(DOUBLE.replace('armature="1e-3"', 'armature="1.001e-3"'))

@@ -429,6 +429,7 @@ def test_the_residual_of_pinocchios_iterations_tells_right_from_wrong_by_nothing
     assert error_of(answer) > 1e5 * BAR and lost.residuals(columns).max() < 1e-12
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("mu", [1e-2, 1e-6, 1e-10, 1e-14])
 def test_the_limit_of_pinocchios_iterations_does_not_depend_on_mu(mu: float) -> None:
     many, one = (error_of(solved(mu=mu, iterations=count)[2]) for count in (100, 1))

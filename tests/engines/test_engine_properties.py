@@ -469,6 +469,7 @@ def test_derivatives_and_frequencies_are_those_of_the_equations(case: Case, prob
         assert np.abs(squared - exact).max() <= allowed[:nv] @ np.linalg.norm(inverse, axis=1) + rounding, (squared, exact)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("huge", [1e3, 1e8, 1e15])
 def test_large_angles_cost_the_equations_no_digits(huge: float) -> None:
     """They add angles before the sine, where a large one would round the next one's digits away."""

@@ -75,6 +75,7 @@ def of_library(library: Library, *arguments: str) -> tuple[str, ...]:
     return (*arguments, "--library", str(library.systems.parent), "--quantity", "accelerations", "--states", "40", "--workers", "1")
 
 
+@pytest.mark.ci
 def test_a_version_is_asked_by_name_and_no_other_is(library: Library) -> None:
     assert [str(one) for one in select_subjects(library, ["toy@1.0/urdf"])] == ["toy@1.0/urdf"]
     assert {str(one) for one in select_subjects(library, [])} >= {"toy/urdf", "mujoco/mjcf"}
@@ -97,6 +98,7 @@ def test_what_is_asked_by_default_of_faults_and_worst_cases_is_no_environment_s(
     assert readers and not any(one.startswith("toy") for one in readers)
 
 
+@pytest.mark.ci
 def test_the_worst_cases_of_a_version_are_ranked(library: Library) -> None:
     records, _ = cross_checked(Settings(library=library, subjects=("toy@1.1/urdf",), states=20, examples=None))
     [case] = ranked(library, records, InThisProcess())
@@ -173,6 +175,7 @@ def test_a_method_that_is_kept_keeps_its_model(library: Library, bar: ModelFile)
     assert isinstance(terms(q, v, tau), Terms)
 
 
+@pytest.mark.ci
 def test_another_cache_directory_has_another_interpreter(library: Library, bar: ModelFile, tmp_path: Path) -> None:
     q, v, tau = np.ones((3, 1, 1))
     [[right]] = load_engine(library, "toy@1.0").load(bar, ["pin"], 9.81).forward_dynamics(q, v, tau)

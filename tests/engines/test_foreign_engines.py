@@ -229,6 +229,7 @@ def test_an_answer_that_is_no_array_of_accelerations_costs_its_own_record(nonsen
     assert records["mujoco/mjcf"]["verdict"] == "agrees"
 
 
+@pytest.mark.ci
 def test_search_says_what_was_answered(nonsense: Path) -> None:
     done = harness("search", "bar_pendulum", "--library", ".", "--subject", "listing/mjcf", "--budget", "8", "--no-keep", cwd=nonsense)
     assert done.returncode == 1

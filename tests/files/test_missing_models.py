@@ -101,6 +101,7 @@ def test_a_missing_model_that_no_entry_excuses_is_an_error(root: Path, what: str
     assert sorted(problem.path.name for problem in problems) == reported
 
 
+@pytest.mark.ci
 def test_subjects_that_read_the_same_format_need_an_entry_each(root: Path) -> None:
     excuse(root, entries(*REASONS))
     (root / "engines").mkdir()

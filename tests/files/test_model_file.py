@@ -475,6 +475,7 @@ def test_malformed_models_are_refused_at_their_line(read: Reader, model_format: 
 NO_NUMBERS = ["nan", "inf", "1e400", "0x1", "1_0", "1O", "270N/m", "2,5", "?"]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("model_format", TEMPLATES)
 def test_each_number_must_be_a_finite_decimal(read: Reader, model_format: str) -> None:
     """Whatever it is of, be it in an attribute or between two tags."""
@@ -628,6 +629,7 @@ edits = st.lists(
 )
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("model_format", SUFFIXES)
 @settings(max_examples=100, deadline=None)
 @given(data=st.data(), changes=edits, keep=st.one_of(st.just(1.0), st.floats(0, 1)))

@@ -138,6 +138,7 @@ def _row(library: Library, case: str, engine: str) -> HardRow:
     return measure(case, Subject(engine, EQUATIONS), ACCELERATIONS, library, silent)
 
 
+@pytest.mark.ci
 def test_an_explicit_inverse_agrees_on_easy_systems(planted: Library, easy: Sampled) -> None:
     assert set(easy.judge(planted, "inverting").verdicts) == {"agrees"}
 
@@ -187,6 +188,7 @@ def _judge_flipped(planted: Library, system: Sampled) -> None:
         assert (verdicts == "disagrees").mean() > 0.9
 
 
+@pytest.mark.ci
 def test_the_easy_systems_have_all_kinds(planted: Library) -> None:
     """Or the two tests above could pass for want of anything to see."""
     exact = _sampled("coupled_oscillators").judge(planted, "flipped")
@@ -204,6 +206,7 @@ def test_planted_engines_over_the_catalogue(planted: Library, name: str) -> None
     assert set(verdicts) <= {"agrees", "disagrees"}
 
 
+@pytest.mark.ci
 def test_growth_is_fitted_and_every_point_is_certified(planted: Library) -> None:
     """A double pendulum's knee that loses its mass costs a factorisation half a digit of data roundoff a decade."""
     row = _row(planted, "massless_knee", "sound")
@@ -216,6 +219,7 @@ def test_growth_is_fitted_and_every_point_is_certified(planted: Library) -> None
     assert conditions == sorted(conditions, key=lambda condition: -(condition or 0.0))
 
 
+@pytest.mark.ci
 def test_a_refused_model_is_told_in_the_engines_words() -> None:
     row = measure("vanishing_cart", Subject("mujoco", "mjcf"), ACCELERATIONS, Library.built_in(), silent)
     refused = [point for point in row.points if point.verdict == "unsupported"]

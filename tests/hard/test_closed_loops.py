@@ -105,6 +105,7 @@ def test_the_model_follows_the_knob(name: str) -> None:
     assert (answers_at(replace(case, changes={}), place).verdicts == "disagrees").any()
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("name", "growth"), [("proximal_once", 1.0), ("lcaba_mu", -1.0), ("proximal_limit", None)])
 def test_the_error_grows_with_mu_as_theory_has_it(name: str, growth: float | None) -> None:
     row = measure(name, PINOCCHIO, ACCELERATIONS, BUILT_IN, silent)

@@ -41,6 +41,7 @@ def test_every_integrator_of_a_fixed_order_has_a_limit_or_is_left_out_by_name() 
     assert {integrator.name for integrator in integrators() if integrator.order is not None} - set(STABILITY_LIMITS) == {"mujoco discrete"}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", STABILITY_LIMITS)
 def test_the_largest_stable_step_is_that_of_theory_however_stiff_the_spring(name: str) -> None:
     """2 over the frequency for the symplectic Euler methods, the root of 8 for RK4, none for the implicit midpoint."""
@@ -65,6 +66,7 @@ def chaos() -> list[Parting]:
     return found
 
 
+@pytest.mark.ci
 def test_gentle_motions_never_part(chaos: list[Parting]) -> None:
     gentle = [parting for parting in chaos if parting.knob == 0.5]
     assert len(gentle) == 3

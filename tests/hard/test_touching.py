@@ -27,6 +27,7 @@ def test_mujoco_comes_near_rigid_motions(name: str, monkeypatch: pytest.MonkeyPa
     assert max(best.values()) < 0.04
 
 
+@pytest.mark.ci
 def test_a_block_creeps_as_its_file_stands_and_not_with_what_holds_it(monkeypatch: pytest.MonkeyPatch) -> None:
     found = distances(BLOCK, monkeypatch, values=(1.2,))
     assert of_setting(found, "as the file stands")[1.2] > 100 * of_setting(found, "all of these")[1.2]  # type: ignore[operator]
@@ -49,6 +50,7 @@ def test_a_cradle_is_right_anywhere_on_its_arc(monkeypatch: pytest.MonkeyPatch) 
     assert {one.distance for one in found} == {0.0} and {one.answers for one in found} == {"0.666667 to 1"}
 
 
+@pytest.mark.ci
 def test_all_accelerations_of_painleves_rod_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     turning = {one.value: len(one.rigid) for one in distances(ROD, monkeypatch)}
     at_rest = distances(ROD_AT_REST, monkeypatch)
@@ -66,6 +68,7 @@ WRONG: Mapping[str, dict[str, object]] = {
 }
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("fault", WRONG)
 def test_a_wrong_file_is_far(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
     right = of_setting(distances(SPHERE, monkeypatch, values=(0.1,)), "all of these")[0.1]

@@ -12,6 +12,7 @@ from harness.hard.rigid_case import UrdfChanges
 SOLVERS = ("pinocchio_admm", "pinocchio_pgs")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("engine", SOLVERS)
 def test_they_come_near_rigid_motions(engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
     [found] = of_setting(distances(ROLLING, monkeypatch, engine, values=(0.9,)), "as the file stands").values()
@@ -25,6 +26,7 @@ def test_they_slide_and_stick_as_rigid_bodies(case: object, engine: str, monkeyp
     assert max(of_setting(distances(case, monkeypatch, engine), "as the file stands").values()) < 0.01  # type: ignore[arg-type,type-var]
 
 
+@pytest.mark.ci
 def test_a_step_is_finer_and_nearer_and_none_is_asked_for_more_than_it_has_time_for(monkeypatch: pytest.MonkeyPatch) -> None:
     found = distances(ROLLING, monkeypatch, "pinocchio_admm", values=(0.1, 0.9))
     coarse, fine = (of_setting(found, name) for name in ("as the file stands", "steps of 0.2 ms"))

@@ -54,6 +54,7 @@ def in_engines_order(assignment: Assignment, values: Any) -> list[float]:
     return [float(value) for value in ordered]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("name", "subject"), PAIRS)
 def test_a_reproducer_prints_both_values_with_the_engine_alone(name: str, subject: str, tmp_path: Path) -> None:
     assignment = assignment_of(name, subject)
@@ -68,6 +69,7 @@ def test_a_reproducer_prints_both_values_with_the_engine_alone(name: str, subjec
     assert not others & set(modules)
 
 
+@pytest.mark.ci
 def test_a_wrong_model_is_reproduced_as_wrong(tmp_path: Path) -> None:
     """The program holds the model that was compared, not the library's."""
     right = assignment_of("arm_2r", "mujoco/mjcf")

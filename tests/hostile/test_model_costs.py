@@ -74,6 +74,7 @@ def test_four_times_the_size_costs_at_most_eight_times(written: Callable[[int], 
     assert cost(written(1200)) < 8 * cost(written(300))
 
 
+@pytest.mark.ci
 def test_more_elements_than_any_mechanism_needs_are_refused_early() -> None:
     with pytest.raises(InvalidModel, match=rf"model\.xml:1: <body> is element {MAXIMUM_ELEMENTS + 1} .* at most {MAXIMUM_ELEMENTS}"):
         parse_model(Path("model.xml"), empty_bodies(1_200_000), "mjcf")

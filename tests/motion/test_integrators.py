@@ -85,6 +85,7 @@ def test_one_method_is_one_motion_in_every_program(scenes: dict[str, Scene], nam
     assert difference(scene, first, fourth) > 1e-6
 
 
+@pytest.mark.ci
 def test_mujocos_euler_takes_joint_dampers_implicitly(scenes: dict[str, Scene]) -> None:
     """With eulerdamp disabled it is Euler-Cromer; without dampers it always is; and the explanation says which."""
     explicit = replace(mujoco.EULER, prepare=partial(mujoco.prepare, "EULER", disable="EULERDAMP"))

@@ -57,6 +57,7 @@ def test_orders_on_the_cart_are_those_of_theory(measured: Measured) -> None:
     assert "eulerdamp" in euler.explanation
 
 
+@pytest.mark.ci
 def test_costs_of_the_cart_fall_with_the_step(measured: Measured) -> None:
     truth, costs, _ = measured
     assert truth.trusted == 20.0 and truth.error <= 1e-13 and truth.start == {"q": [0.03, 0.0], "v": [0.0, 0.0]}
@@ -78,6 +79,7 @@ def test_a_wrong_claim_of_an_order_is_seen(cart: Scene, judge: MotionJudge) -> N
     assert order.explanation == ""
 
 
+@pytest.mark.ci
 def test_a_wrong_model_has_no_order(cart: Scene) -> None:
     """One number of the MJCF off by 1e-5: the error stops falling, and the slopes never settle at 4."""
     model = cart.models["mjcf"]
@@ -89,6 +91,7 @@ def test_a_wrong_model_has_no_order(cart: Scene) -> None:
     assert 1e-6 < (costs[-1].state_error or 0.0) < 1e-4
 
 
+@pytest.mark.ci
 def test_a_damper_that_takes_too_much_breaks_the_energy_balance(cart: Scene, judge: MotionJudge) -> None:
     wrong = replace(cart, mechanism=with_factors(cart.mechanism, c=1.01))
     paths = [RUNGE_KUTTA.prepare(scene)(judge.start, 1e-3, 2000, 2) for scene in (cart, wrong)]

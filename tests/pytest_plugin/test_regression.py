@@ -176,6 +176,7 @@ def test_a_broken_system_fails_its_own_tests_only(library: Path) -> None:
     assert "bad.py:1: raises ZeroDivisionError" in done.stdout
 
 
+@pytest.mark.ci
 def test_loading_the_plugin_imports_no_engine() -> None:
     code = "import sys, harness.pytest_plugin; print(sorted(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

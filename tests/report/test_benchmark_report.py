@@ -150,6 +150,7 @@ def page(files: dict[str, str]) -> Page:
     return site_of(files)
 
 
+@pytest.mark.ci
 def test_every_measurement_has_its_place(page: Page, files: dict[str, str]) -> None:
     for method in METHODS:
         assert method in page.words

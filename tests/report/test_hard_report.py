@@ -157,6 +157,7 @@ def test_axes_of_knobs(knobs: tuple[float, float], axis: str, places: list[float
     assert drawn.data_source.data["x"] == pytest.approx(places)
 
 
+@pytest.mark.ci
 def test_a_report_holds_hard_and_worst_cases_beside_its_verdicts() -> None:
     built = build(RUN, found(CASE, replace(CASE, subject="lagrange", reproducer="")), atlas=(RUN, sample()))
     page = site_of(built)

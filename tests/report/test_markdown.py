@@ -79,6 +79,7 @@ def test_text_of_others_adds_no_markup(evil: str) -> None:
     assert shown.count(line) >= len(PLAIN)
 
 
+@pytest.mark.ci
 @given(st.text(max_size=12) | st.text(alphabet="|`*_~<>&;#[]()!\\-+=.1ab\n\r\t \x1b", max_size=12))
 @settings(max_examples=150)
 def test_any_text_is_shown_as_it_is(text: str) -> None:

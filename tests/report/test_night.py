@@ -95,6 +95,7 @@ def test_nothing_in_a_message_is_obeyed() -> None:
     text.encode()
 
 
+@pytest.mark.ci
 def test_a_summary_fits_a_step() -> None:
     many = [Case.of(("cross-check", f"system_{place:03}", "mujoco/mjcf"), ["x" * 100_000], replay="harness check") for place in range(500)]
     text = render_summary(summary_of(many, before=[]))

@@ -270,6 +270,7 @@ def test_only_a_drawing_passes_as_one() -> None:
     assert equations(SVG) is None
 
 
+@pytest.mark.ci
 def test_a_reason_why_several_pairs_differ_is_given_once() -> None:
     about = {"verdict": "unstable", "expected": "unstable", "expected_reason": "small pivots", "expected_link": "a book"}
     entries = [test_report.record(name, "lagrange", **about) for name in SYSTEMS]

@@ -109,6 +109,7 @@ def page(files: dict[str, str]) -> Page:
     return site_of(files)
 
 
+@pytest.mark.ci
 def test_every_pair_has_its_place(page: Page, files: dict[str, str]) -> None:
     table = re.search(r'<table class="matrix verdicts"[^>]*>(.*?)</table>', files["index.html"], re.DOTALL)
     # The harness's own code is no engine, and has no column.
@@ -236,6 +237,7 @@ def test_markdown_stays_the_same_while_results_do() -> None:
     assert first.count(VOLATILE) == 1
 
 
+@pytest.mark.ci
 @pytest.mark.usefixtures("without_charts")
 def test_markdown_fits_a_screen_however_much_differs() -> None:
     """Sixty lines in the worst of cases: what a list leaves out is counted."""

@@ -72,6 +72,7 @@ def test_the_data_have_the_types_of_their_schema() -> None:
     assert json.loads(whole()["site.json"], parse_constant=pytest.fail)
 
 
+@pytest.mark.ci
 def test_the_schema_names_every_field_and_what_numbers_may_be() -> None:
     found = json.loads(schema())
     assert found["$schema"].endswith("2020-12/schema") and found["$ref"] == "#/$defs/Site"
@@ -82,6 +83,7 @@ def test_the_schema_names_every_field_and_what_numbers_may_be() -> None:
     assert {"type": "number"} in options and {"enum": ["-inf", "inf", "nan"]} in options and {"type": "null"} in options
 
 
+@pytest.mark.ci
 def test_the_script_computes_every_number_of_every_table_of_every_page_again(written: Path) -> None:
     done = rebuild(written, "--json")
     assert done.returncode == 0, done.stderr
@@ -130,6 +132,7 @@ def test_the_modules_of_the_script_give_no_name_to_two_things() -> None:
     assert [name for name, count in given.items() if count > 1] == []
 
 
+@pytest.mark.ci
 def test_the_script_computes_changes_and_trends_from_the_values_of_the_runs(tmp_path: Path) -> None:
     write(tmp_path, whole())
     assert rebuild(tmp_path).returncode == 0
@@ -260,6 +263,7 @@ def test_another_quantity_is_a_feature() -> None:
     assert lines_of(record("a", "mujoco/mjcf", quantity="reactions")) == {("reactions", "mujoco/mjcf"): "agrees on 1 of 1, worst 1.30"}
 
 
+@pytest.mark.ci
 def test_other_quantities_have_a_table_of_their_own_on_the_page_of_their_mechanism(tmp_path: Path) -> None:
     wrong = record(
         "collar", "mujoco/mjcf", quantity="mass_matrix", verdict="disagrees", message="Farthest off is the entry.", replay="again"
@@ -320,6 +324,7 @@ def test_a_red_cell_carries_its_reason_its_replay_and_its_program() -> None:
         assert CASE.reproducer.splitlines()[0] in files[name] and "mall pivots" in files[name]
 
 
+@pytest.mark.ci
 def test_what_is_known_of_an_engine_beside_the_mechanisms_is_on_its_page() -> None:
     known = [one for one in known_findings() if one.engine == "drake"]
     assert known
@@ -340,6 +345,7 @@ def test_what_trackers_say_is_dated_and_has_a_state() -> None:
     assert issues("pinocchio", ["mimic joints"]) and not issues("lagrange", ["mimic joints"])
 
 
+@pytest.mark.ci
 def test_issues_stand_where_a_cell_is_red_and_on_the_page_of_its_engine() -> None:
     [issue] = issues("pinocchio", ["mimic joints"])
     about = {"verdict": "unsupported", "expected": "unsupported", "backward_error": None, "features": ["mimic joints"]}
@@ -348,6 +354,7 @@ def test_issues_stand_where_a_cell_is_red_and_on_the_page_of_its_engine() -> Non
     assert issue.link not in files["mechanisms/arm_2r.html"] and issue.link not in files["engines/mujoco.html"]
 
 
+@pytest.mark.ci
 def test_a_text_for_a_tracker_is_a_page_and_what_is_none_stays_words() -> None:
     link, missing, outside = "docs/issues/pinocchio-mjcf-ref.md", "docs/issues/none.md", "docs/issues/../inside/numerics.md"
     entries = [

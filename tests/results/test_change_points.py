@@ -222,6 +222,7 @@ def test_a_cost_is_a_ratio_so_that_a_slower_machine_is_no_change() -> None:
     assert readings_of_costs(Benchmark(accelerations=benchmark(1.0, 1.0).accelerations)) == {}
 
 
+@pytest.mark.ci
 def test_costs_on_a_busy_machine_show_no_change() -> None:
     draw = np.random.default_rng(0)
     values = [draw.choice(BUSY[place % 2], NIGHTS) for place in range(CELLS)]

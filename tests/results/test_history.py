@@ -290,6 +290,7 @@ def test_every_acknowledged_record_survives_a_kill(path: Path) -> None:
         history.append(run_id, CrossCheckResult(records=[RECORD]))
 
 
+@pytest.mark.ci
 def test_two_processes_append_at_once(path: Path) -> None:
     with History(path) as history:
         run_id = history.begin(RUN, CrossCheckResult)

@@ -70,6 +70,7 @@ def test_a_table_without_rows_is_nothing_on_a_page() -> None:
     assert Table(["a"], []).html() == Table(["a"], []).markdown() == ""
 
 
+@pytest.mark.ci
 @given(st.lists(st.tuples(st.text(), st.none() | st.floats(), st.none() | st.integers()), min_size=1, max_size=4))
 def test_anything_can_be_shown(rows: list[tuple[str, float | None, int | None]]) -> None:
     table = Table(["a", Column("b", "seconds"), Column("c", "count")], rows)

@@ -87,6 +87,7 @@ def test_equations_and_unknowns_are_counted_both_ways(name: str, said: str) -> N
     assert f"Equations and unknowns: {said}\n" in harness("show", name).stdout
 
 
+@pytest.mark.ci
 def test_the_page_has_landmarks_contents_and_captions(library: Path) -> None:
     harness("show", "example", "--library", ".", "--html", "page.html", cwd=library)
     page = lxml.html.fromstring((library / "page.html").read_text())

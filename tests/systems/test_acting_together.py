@@ -189,6 +189,7 @@ def test_a_wrong_number_is_red(name: str, tmp_path: Path) -> None:
     assert record.verdict == "disagrees"
 
 
+@pytest.mark.ci
 def test_the_rigid_truth_of_a_loop_that_rubs_is_that_without_friction_at_a_force_of_its_bound(tmp_path: Path) -> None:
     """What slides bears its bound against its rate, which is a force as one that is applied."""
     edited = SYSTEMS["loop"]

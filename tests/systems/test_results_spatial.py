@@ -83,6 +83,7 @@ def jacobians_of_the_arm(s: SimpleNamespace) -> list[tuple[sp.Symbol, sp.Symbol,
     return result
 
 
+@pytest.mark.ci
 def test_arm_3r_mass_matrix_and_gravity_from_jacobians() -> None:
     d, s = derived("arm_3r")
     links = jacobians_of_the_arm(s)
@@ -167,6 +168,7 @@ def test_furuta_equations_of_cazzolato_and_prime() -> None:
     assert_equal(d.forces, [first, second])
 
 
+@pytest.mark.ci
 def test_furuta_solved_equations_of_cazzolato_and_prime() -> None:
     d, s = derived("furuta_pendulum")
     slender = {s.J2xx: 0, s.J2yy: s.J2zz}

@@ -121,6 +121,7 @@ def cross(a: Any, b: Any) -> Any:
     return mpmath.matrix([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("name", "closed_form"),
     [

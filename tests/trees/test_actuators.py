@@ -145,6 +145,7 @@ def _outside(found: Driven, carried: Vector) -> Driven:
     return replace(found, forces=found.forces + carried)
 
 
+@pytest.mark.ci
 def test_an_engine_is_asked_with_actuators(tmp_path: Path) -> None:
     """With those that are switched on alone, at the controls of the states."""
     path = written(tmp_path, *EACH)

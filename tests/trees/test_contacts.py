@@ -272,6 +272,7 @@ def test_a_contact_beyond_its_margin_is_none(tmp_path: Path) -> None:
     assert stepped.touched.by(beyond).constraints is None
 
 
+@pytest.mark.ci
 def test_on_an_edge_of_a_zone_the_larger_side_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Between sticking and sliding the derivative jumps, and the answer does not."""
     stepped = Stepped(written(tmp_path, "elliptic"))

@@ -100,6 +100,7 @@ def test_each_quantity_knows_its_line(field: str) -> None:
     assert text in place.path.read_text().split("\n")[place.line - 1]
 
 
+@pytest.mark.ci
 def test_numbers_of_classes_stand_in_the_included_file() -> None:
     robot = read_robot(FILES / "humanoid.xml")
     place = robot.joint("left_knee").places["damping"]

@@ -154,6 +154,7 @@ def test_joints_that_follow_another(tmp_path: Path, followers: tuple[str, ...]) 
     assert_enclose_each_other(tree_of(model, 9.81), joints, states)
 
 
+@pytest.mark.ci
 def test_a_tree_has_six_equations_a_body_and_one_a_reaction() -> None:
     for name, size, rows in (("arm_2r", 22, 10), ("free_body", 6, 0), ("heavy_top", 9, 3), ("satellite_wheel", 17, 5)):
         mechanism = load_mechanism(BUILT_IN, name)

@@ -391,6 +391,7 @@ def shares_of_a_file(path: Path, count: int) -> Array:
     return shares_at(ReferenceKernel(documented(robot)), states_of(robot, apart, count), Terms(apart), rows_of(robot))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["arm.urdf", "quadruped.xml"])
 def test_the_optimum_of_a_robot_is_that_of_active_sets(name: str) -> None:
     path = Path(__file__).parents[2] / "harness" / "robots" / name
@@ -528,6 +529,7 @@ def test_what_the_file_switches_off_does_not_act(tmp_path: Path) -> None:
         assert [one.kind for one in chosen if one.name in laws] == left
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("format", ["mjcf", "urdf"])
 def test_an_engine_is_asked_with_friction_and_limits_of_joints_by_name(format: str, tmp_path: Path) -> None:
     """Those of no other joint act, and none where none is named."""
@@ -570,6 +572,7 @@ TENDONS = {
 }
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", TENDONS)
 def test_tendons_rub_and_are_limited_as_documented_but_for_their_curvature(name: str, tmp_path: Path) -> None:
     """Through sites MuJoCo leaves J' v out, where it moves; at rest it is as documented."""
@@ -611,6 +614,7 @@ def test_rows_move_by_their_jacobian_and_their_curvature(tmp_path: Path) -> None
     assert (np.abs(now["bias"]).max(axis=1) > 0.1).sum() == 3
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("attributes", ['range="0 60"', 'range="0 170" margin="0.4" solimplimit="0.2 0.9 1.5 0.3 2.5"'])
 def test_ball_joints_are_limited_as_documented_but_for_their_curvature(attributes: str, tmp_path: Path) -> None:
     path = written(tmp_path, c=attributes)

@@ -75,6 +75,7 @@ def second(moments: np.ndarray) -> np.ndarray:
     return np.trace(matrix) / 2 * np.eye(3) - matrix
 
 
+@pytest.mark.ci
 @given(st.lists(st.floats(-1, 1), min_size=6, max_size=6), st.lists(st.floats(-1, 1), min_size=9, max_size=9))
 def test_the_nearest_inertia_is_one_of_a_body_and_none_is_nearer(moments: list[float], factor: list[float]) -> None:
     given_one, nearest = second(np.array(moments)), second(np.array(nearest_inertia(moments)))

@@ -25,6 +25,7 @@ def without_meshes(text: str) -> str:
     return re.sub(r'<mesh name="shell"[^>]*/>|<geom[^>]*mesh="shell"[^>]*/>', "", text)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     "changes",
     [
@@ -148,6 +149,7 @@ def test_the_arm_is_that_of_pinocchio(tmp_path: Path) -> None:
     assert compare(reference.evaluate(states), by_pinocchio(path, robot, states)).backward_error.max() < 4
 
 
+@pytest.mark.ci
 def test_a_follower_has_its_damping_times_the_square_of_its_multiple(tmp_path: Path) -> None:
     """As a damper of the leader has that would take as much power."""
     text = (FILES / "arm.urdf").read_text()

@@ -141,6 +141,7 @@ def test_what_a_trunk_gets_is_what_the_momenta_of_all_gain() -> None:
         np.testing.assert_allclose(axes @ found[state, 4], moment, rtol=1e-6, atol=1e-6 * np.abs(moment).max())
 
 
+@pytest.mark.ci
 def test_mujoco_measures_it() -> None:
     text = everything()
     own, states = truth_of(text), states_of(text)

@@ -144,6 +144,7 @@ def test_engines_without_tendons_are_explained(tmp_path: Path) -> None:
         assert record.explained and "tendons with armature" in [one.name for one in record.readings]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ACROSS)
 def test_mujoco_leaves_out_what_joints_of_two_branches_have_in_common(name: str, tmp_path: Path) -> None:
     record = record_of(written(tmp_path, name), "mujoco")

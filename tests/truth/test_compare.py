@@ -117,6 +117,11 @@ def test_nothing_is_said_against_an_uncertified_reference() -> None:
         assert math.isnan(error)
 
 
+def test_the_headline_of_answers_without_a_number_says_nothing_of_errors() -> None:
+    assert compare(made_up([1.0]), np.array([[math.nan]]), True).headline == "the answer does not agree with the truth"
+    assert compare(made_up([[1.0], [1.0]]), np.array([[math.nan]] * 2), True).headline == "0 of 2 answers agree with the truth"
+
+
 def test_an_uncertified_reference_of_nan_is_undecided() -> None:
     reference = made_up([math.nan], sensitivity=math.nan, instability=math.nan, certified=False)
     assert judge(reference, [1.0])[0] == "undecided"

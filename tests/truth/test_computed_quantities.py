@@ -45,6 +45,7 @@ def in_roundoffs(certified: Certified, answers: Array) -> Array:
         return np.where(errors == 0, 0.0, errors / (UNIT_ROUNDOFF * (certified.sensitivity + certified.share)))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("modelled_name", MODELLED)
 def test_engines_and_formats_agree_on_every_quantity(modelled_name: str) -> None:
     states = sample(load_mechanism(BUILT_IN, modelled_name), STATES, SEED)

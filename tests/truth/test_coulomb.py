@@ -100,6 +100,7 @@ def test_a_disc_slows_by_its_friction_about_the_normal() -> None:
     assert np.abs(at_rest.accelerations).max() <= 1e-12
 
 
+@pytest.mark.ci
 def test_a_stack_has_one_motion_and_no_unique_forces() -> None:
     contacts = of("box_stack")
     names = list(load_system(BUILT_IN.system_path("box_stack"))[0].contacts)
@@ -190,6 +191,7 @@ def stopped(name: str, contact: str, q: Sequence[float], v: Sequence[float], mas
     return [*(np.array(v) - weighed.T @ np.linalg.solve(weighed @ jacobian.T, jacobian @ np.array(v)))]
 
 
+@pytest.mark.ci
 def test_a_tippe_top_that_touches_moves_as_its_point_may() -> None:
     """It presses along the normal alone, and the derivatives of its gap are those of the motion of its quaternion."""
     contacts, own, random = of("tippe_top"), parameters_of("tippe_top"), np.random.default_rng(3)

@@ -108,6 +108,7 @@ def rubbing(tmp_path_factory: pytest.TempPathFactory) -> Asked:
     return Asked(tmp_path_factory.mktemp("rubbing") / "arm.xml", RUBBING)
 
 
+@pytest.mark.ci
 def test_mujoco_measures_it_with_all_on(rubbing: Asked) -> None:
     assert rubbing.certified.certified.all()
     assert {name.partition(" ")[0] for name in rubbing.truth.blocks} == set(SensorKind)
@@ -151,6 +152,7 @@ def test_actuators_of_every_kind_have_the_forces_that_mujoco_measures(bodies: st
     assert asked.certified.certified.all() and asked.red(asked.answers()) == set()
 
 
+@pytest.mark.ci
 def test_joints_transmit_along_their_axes_what_acts_along_their_velocities(tmp_path: Path) -> None:
     """Whatever the loop bears, which acts on bodies, and by whichever law."""
     asked = Asked(tmp_path / "arm.xml", FREE)

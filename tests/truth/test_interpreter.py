@@ -187,6 +187,7 @@ def test_sensitivities_beside_another_matrix_are_within_their_doubt() -> None:
     assert (doubt <= 1e-3 * found.sensitivity).all() and (found.spread > 0).all()
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("engine", ["lagrange", "mujoco"])
 def test_double_double_decides_the_states_of_many_loops(engine: str) -> None:
     """Balls take 40 times as long. Elimination from the last row, which suits a tree, sent 39 % of MuJoCo's states there."""

@@ -189,6 +189,7 @@ def test_a_constraint_that_determines_nothing_regularly_closes_nothing() -> None
     assert not closes(mechanism, states).any() and not ReferenceKernel(mechanism).evaluate(states).certified.any()
 
 
+@pytest.mark.ci
 def test_lengths_that_cancel_in_a_row_do_not_open_it() -> None:
     """Near zero angles one unit roundoff of them is less than what float64 rounds in the lengths."""
     mechanism = load_mechanism(Library.built_in(), "bricard")

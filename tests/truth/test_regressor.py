@@ -74,6 +74,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_mistake_is_seen(mistake: str) -> None:
     truth, loaded = truth_of("arm_7r", "urdf"), pinocchio_model("arm_7r", "urdf")

@@ -98,6 +98,7 @@ def test_a_misreading_that_a_version_lost_or_got_is_told(folder: Path) -> None:
     assert "  new: The toy 1.7 takes dampers for nothing: 1 joint" in done.stdout and "; take 1.4\n" in done.stdout
 
 
+@pytest.mark.ci
 def test_what_becomes_better_beside_what_nobody_judges_is_no_improvement(folder: Path) -> None:
     done = upgraded(folder, "1.6", "1.0")
     assert done.returncode == 1
@@ -112,6 +113,7 @@ def test_a_wrong_number_is_for_the_worse(folder: Path) -> None:
     assert "  1.3 is off by up to " in done.stdout
 
 
+@pytest.mark.ci
 def test_what_was_not_asked_about_stands_in_the_first_lines_and_must_be_allowed(folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "bar.urdf"
     ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
@@ -157,6 +159,7 @@ def test_files_of_which_the_same_is_said_are_told_together_and_those_without_an_
     assert upgraded(folder, "1.0", "1.1", *paths, "--allow-uncompared").returncode == 0
 
 
+@pytest.mark.ci
 def test_a_refusal_of_one_is_no_agreement(folder: Path) -> None:
     done = upgraded(folder, "1.5", "1.0")
     assert done.returncode == 0 and "for the better" in done.stdout and "1.5 refuses it: toy_engine 1.5 has no mass" in done.stdout

@@ -53,12 +53,14 @@ def test_a_version_without_its_zeros_is_that_version(library: Path) -> None:
     assert done.stdout.startswith("No: toy 1.1 does not change bar_pendulum against 1.0")
 
 
+@pytest.mark.ci
 def test_a_subject_names_a_version_in_the_same_way(library: Path) -> None:
     arguments = ("bar_pendulum", "--library", str(library), "--subject", "toy@1/urdf", "--states", "20", "--json", "out.json")
     assert harness("check", *arguments, cwd=library).returncode == 0
     assert {one["subject"] for one in json.loads((library / "out.json").read_text())["records"]} == {"toy@1.0/urdf"}
 
 
+@pytest.mark.ci
 def test_a_changed_term_is_told_apart_and_named(library: Path) -> None:
     done, changes = upgraded(library, "toy", "1.1", "1.2", "bar_pendulum")
     assert done.returncode == 1
@@ -94,6 +96,7 @@ def test_a_refusal_is_a_change(library: Path) -> None:
     assert "1.3 refuses it: " in done.stdout
 
 
+@pytest.mark.ci
 def test_where_nobody_answers_nothing_was_compared(library: Path) -> None:
     done, _ = upgraded(library, "toy", "1.3", "1.5")
     assert done.returncode == 1

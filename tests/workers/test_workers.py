@@ -235,6 +235,7 @@ def test_a_crash_has_its_note_and_standard_error_and_no_others() -> None:
     assert outcomes[2].crash == Crash(KILLED, "", "")
 
 
+@pytest.mark.ci
 def test_of_very_much_that_a_crash_wrote_the_end_is_kept() -> None:
     written = str(outcomes_of(Task(0, work.babble, ()))[0].crash)
     assert len(written) < 2100
@@ -462,6 +463,7 @@ def test_workers_end_with_a_harness_that_is_killed(harness: Any, function: str, 
     assert all(gone(worker.pid) for worker in workers)
 
 
+@pytest.mark.ci
 def test_an_interrupt_ends_workers_without_a_word_of_theirs(harness: Any) -> None:
     process = harness("slow_process", (1000.0,))
     process.stdout.readline()
