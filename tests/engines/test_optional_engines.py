@@ -456,11 +456,11 @@ def test_further_quantities_in_float32_agree(
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", ["mjx_float32", "mujoco_warp"])
 def test_constraints_and_actuators_in_float32_are_judged(name: str, environment: Callable[[str], Path], tmp_path: Path) -> None:
-    """Dry friction, limits, servos, a tendon and a coupling, by the law of the file; Warp's connect depends on the call before."""
+    """Dry friction, limits, servos, a tendon, a coupling and a loop, by the law of the file, of which MJX leaves J' v out."""
     systems = ["dry_pendulum", "limited_pendulum", "servo_arm", "tendon_finger", "atwood"]
     records = check_in_its_environment(name, [*systems, "four_bar"], environment(name), tmp_path)
     verdicts = {str(one["system"]): one["verdict"] for one in records}
-    assert verdicts == dict.fromkeys(systems, "agrees") | {"four_bar": "error" if name == "mujoco_warp" else "unsupported"}
+    assert verdicts == dict.fromkeys(systems, "agrees") | {"four_bar": "agrees" if name == "mujoco_warp" else "explained"}
 
 
 @pytest.mark.nightly
@@ -532,6 +532,17 @@ def test_contacts_are_judged_as_an_engine_on_a_device_finds_them(
         record, posed = pose(meant(robot_at(path), 64, seed=0), name)
         assert posed is not None
         assert not with_verdict(record, posed.case, posed.asked, posed.answers, names=False).explained
+
+
+@pytest.mark.nightly
+def test_mujoco_warp_is_asked_twice_where_points_meet(environment: Callable[[str], Path], tmp_path: Path) -> None:
+    """See docs/issues/mujoco-warp-velocities-of-the-call-before.md."""
+    found = found_by(
+        environment("mujoco_warp"), tmp_path, "compare", str(DRIVEN.with_name("four_bar.xml")), "--subject", "mujoco_warp/mjcf"
+    )
+    (record,), (plain, *_) = found["switched_on"], found["subjects"]
+    assert record["explained"] and record["together"] > 1 and record["backward_error"] < AGREEMENT
+    assert any("is asked twice at each state" in note for note in plain["notes"])
 
 
 @pytest.mark.nightly

@@ -177,6 +177,15 @@ _PARAMETERS = (
     "MuJoCo documentation, Computation, Parameters, Diagonal approximation: the directional inverse inertia is averaged into a scalar"
 )
 _FRICTION = "MuJoCo documentation, Modeling, Friction: the impedance is always the first number of solimp, whatever the width"
+_OF_MJX = Departure(
+    name="J' v of all equalities",
+    engine="mjx",
+    sentence="MJX leaves J' v out of all equalities, and loops are wrong by it wherever they move",
+    remedy="use MuJoCo where loops move fast",
+    source=f"{_DUAL_PROBLEM}; mujoco.mjx, _src/constraint.py: aref has no such term",
+    law=_without_curvature,
+)
+
 _DEPARTURES = (
     Departure(
         name="inverse weight of a slider",
@@ -218,14 +227,7 @@ _DEPARTURES = (
         source=f"{_DUAL_PROBLEM}; MuJoCo, src/engine/engine_core_constraint.c, mj_Jdotv: rows of connect and weld alone",
         law=_without_curvature_of_bounds,
     ),
-    Departure(
-        name="J' v of all equalities",
-        engine="mjx",
-        sentence="MJX leaves J' v out of all equalities, and loops are wrong by it wherever they move",
-        remedy="use MuJoCo where loops move fast",
-        source=f"{_DUAL_PROBLEM}; mujoco.mjx, _src/constraint.py: aref has no such term",
-        law=_without_curvature,
-    ),
+    *(replace(_OF_MJX, engine=name) for name in ("mjx", "mjx_float32")),
     Departure(
         name="limits beyond a window",
         engine="drake_step",

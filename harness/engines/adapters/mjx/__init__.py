@@ -14,12 +14,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from harness.engines import ConstraintLaw, Engine, Unsupported
+from harness.engines import ConstraintLaw, Engine
 from harness.engines.adapters.mujoco import law
 from harness.engines.moving import MotionsRequest, Moved, moved_as_they_stand
 from harness.engines.request import Ending, Request, SolverSettings
-from harness.files.equalities import Constraint, Meeting
-from harness.files.findings import EQUALITIES
+from harness.files.equalities import Constraint
 from harness.files.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
     from harness.engines.adapters.mujoco.on_device import DeviceFile
 
 FLOAT32 = 2.0**-24
-# MJX leaves J' v out of them, which is declared as a departure of MJX in float64 alone: up to 3e4 data roundoffs from the optimum.
-_WHY_NO_MEETING = "answers of float32 with points or frames that meet are not judged"
 
 
 class MjxEngine(Engine):
@@ -57,7 +54,6 @@ class MjxEngine(Engine):
         self._in_float64 = in_float64
         if not in_float64:
             self.unit_roundoff, self.title = FLOAT32, "MJX in float32"
-            self.why_off = {EQUALITIES: _WHY_NO_MEETING}
 
     def read(self, request: Request) -> DeviceFile:
         from harness.engines.adapters.mjx.device import read
@@ -67,8 +63,6 @@ class MjxEngine(Engine):
     def load_model(self, file: ModelFile, joints: Sequence[str], gravity: float) -> MjxModel:
         from harness.engines.adapters.mjx.device import load
 
-        if not self._in_float64 and (meeting := next((one for one in file.constraints if isinstance(one.says, Meeting)), None)):
-            raise Unsupported(f"line {meeting.line}: {meeting.couples} constraint {meeting.name!r}: {_WHY_NO_MEETING}")
         return load(file, joints, self._in_float64)
 
     def moved(self, request: MotionsRequest) -> Moved:

@@ -16,7 +16,6 @@ from harness.engines.adapters.mujoco import law
 from harness.engines.moving import MotionsRequest, Moved, moved_as_they_stand
 from harness.engines.request import Ending, Request, SolverSettings
 from harness.files.equalities import Constraint
-from harness.files.findings import EQUALITIES
 from harness.files.model_file import ModelFile
 
 if TYPE_CHECKING:
@@ -35,9 +34,6 @@ class MujocoWarpEngine(Engine):
     reader = "mujoco"
     inertias_about = "tree"
     unit_roundoff = 2.0**-24
-    why_off: Mapping[str, str] = {
-        EQUALITIES: "its connect and weld take velocities of the call before: docs/issues/mujoco-warp-velocities-of-the-call-before.md"
-    }
     supplied: Mapping[str, str] = {"mjcf": "nothing: it has MuJoCo's reader"}
     # Other methods converge linearly.
     endings = (Ending(SolverSettings("Newton", 100, 0.0), 'set <option solver="Newton" iterations="100" tolerance="0"/>'),)

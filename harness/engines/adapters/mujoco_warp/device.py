@@ -26,14 +26,18 @@ from harness.engines.warp_kernels import keep_compiled
 from harness.files.model_file import ModelFile
 
 BLOCK = 64
+VELOCITIES_BEFORE = "docs/issues/mujoco-warp-velocities-of-the-call-before.md"
 # Contacts of a world, and rows of its constraints, for which there is room where bodies touch; by default there are 64 rows.
 MOST_CONTACTS, MOST_ROWS = 128, 1024
 # Of ``Data``, all that a state has.
-GIVEN = ("qvel", "qfrc_applied", "ctrl", "act", "qacc", "qacc_warmstart")
+GIVEN = ("qvel", "qfrc_applied", "ctrl", "act", "qacc")
 
 
 class ModelInWorlds:
     """An ``MjModel`` in worlds of Warp.
+
+    Attributes:
+        repeats: whether it computes each state twice, for what takes velocities of the call before; see ``VELOCITIES_BEFORE``.
 
     Raises:
         NotImplementedError: Warp has no such part of a model.
@@ -44,6 +48,8 @@ class ModelInWorlds:
     def __init__(self, model: Any) -> None:
         self.contacts: Sequence[Sequence[Any]] = ()
         self._touches = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        ties = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
+        self.repeats = bool(np.isin(model.eq_type, ties).any())
         with warp.ScopedDevice("cpu"):
             room = {"nconmax": MOST_CONTACTS, "njmax": MOST_ROWS} if self._touches else {}
             self._model, self._data = mujoco_warp.put_model(model), mujoco_warp.make_data(model, nworld=BLOCK, **room)
@@ -58,12 +64,14 @@ class ModelInWorlds:
         answers, contacts = [], list[list[Any]]()
         for block in zip(*(in_blocks(values, BLOCK) for values in given.values()), strict=True):
             with warp.ScopedDevice("cpu"):
-                # A solver that starts from the last answer would make this one depend on it.
                 for name in (*GIVEN, "overflow"):
                     getattr(self._data, name).zero_()
                 for name, (values, _) in zip(given, block, strict=True):
                     getattr(self._data, name).assign(values.astype(np.float32))
-                compute(self._model, self._data)
+                for _ in range(1 + self.repeats):
+                    # A solver that starts from the last answer would make this one depend on it.
+                    self._data.qacc_warmstart.zero_()
+                    compute(self._model, self._data)
                 self._require_room(block[0][1])
                 answers.append(getattr(self._data, found).numpy().astype(np.float64)[: block[0][1]])
                 if self._touches:
@@ -139,6 +147,9 @@ def read(request: Request) -> DeviceFile:
     if request.driven:
         still(compiled.model, request.driven)
     try:
-        return DeviceFile(compiled, ModelInWorlds(compiled.model))
+        file = DeviceFile(compiled, on_device := ModelInWorlds(compiled.model))
     except NotImplementedError as error:
         raise Refused(f"MuJoCo Warp: {' '.join(str(error).split())}") from error
+    if on_device.repeats:
+        file.notes += (f"is asked twice at each state, as its connect and weld take velocities of the call before: {VELOCITIES_BEFORE}",)
+    return file
