@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from comparison.robots import FILES, edited, line_of, meant_by
 
@@ -12,6 +13,7 @@ from harness.comparison.matching import match, renamed_to
 from harness.comparison.sameness import hold_against
 from harness.results.comparison import PairRecord
 from harness.results.pair_conclusion import conclude_pair
+from harness.trees.canonical import canonical
 from harness.trees.robot import read_robot
 
 URDF, MJCF = FILES / "arm.urdf", FILES / "arm.xml"
@@ -271,3 +273,15 @@ def test_a_planar_joint_is_the_same_in_a_turned_frame(turn: str, tmp_path: Path)
         (tmp_path / name).write_text(text)
     found = pair(tmp_path / "straight.urdf", tmp_path / "turned.urdf")
     assert found.same and found.backward_error is not None and found.backward_error < 16
+
+
+DUMB_BELL = """<mujoco><worldbody><body name="bar"><joint name="hinge" axis="0 0 1"/><inertial pos="1 0 0" mass="2" diaginertia="1 1 1"/>
+  <body name="end" pos="-1 0 0"><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body></body></worldbody></mujoco>"""
+
+
+def test_bodies_in_one_have_the_moments_of_the_parallel_axis_theorem(tmp_path: Path) -> None:
+    path = tmp_path / "bell.xml"
+    path.write_text(DUMB_BELL)
+    total = canonical(read_robot(path))["hinge"].total
+    assert total.mass == 4.0 and not total.centre.any()
+    assert np.array_equal(total.moments, np.diag([2.0, 6.0, 6.0]))

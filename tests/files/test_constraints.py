@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from harness.errors import InvalidModel
+from harness.files.document.source import whole
 from harness.files.document.xml import parse_document
 from harness.files.equalities import Equality, Linkage, Meeting, SolverParameters, Sum, TendonLinkage, Weld
 from harness.files.facts import in_radians, point_of, turn_of
@@ -326,3 +327,8 @@ def test_a_point_of_a_urdf_must_be_given(system: str, element: str) -> None:
     assert without != path.read_text()
     with pytest.raises(InvalidModel, match=f"<{element}> has no attribute 'value'"):
         parse_model(path, without, "urdf")
+
+
+@pytest.mark.parametrize(("value", "is_taken"), [(0.0, False), (1.0, True), (1.5, False), (2.0, True)])
+def test_a_number_of_times_is_one_or_more(value: float, is_taken: bool) -> None:
+    assert (whole((value,)) is None) == is_taken

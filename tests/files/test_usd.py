@@ -680,6 +680,10 @@ REFUSED = {
         ("float physics:mass = 4.8", 'def Mesh "m" (prepend apiSchemas = ["PhysicsCollisionAPI"])\n{\n}'),
         r"</arm/fore/m> is a Mesh that gives body </arm/fore> the inertia of an engine's making",
     ),
+    "a centre without a mass": (
+        ("float physics:mass = 4.8", "point3f physics:centerOfMass = (0.1, 0, 0)"),
+        "states a centre or an inertia and not all of mass, centre and inertia; write all three",
+    ),
     "a scaled body": (
         ("float physics:mass = 4.8", f"{SCALE}float physics:mass = 4.8"),
         "</arm/fore> xformOp:scale is 2 2 2; expected 1 1 1 on a body and above it",

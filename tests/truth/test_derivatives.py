@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import flint
 import numpy as np
@@ -26,7 +27,7 @@ from harness.programs.states import States
 from harness.trees.mechanism import mechanism_of
 from harness.trees.robot import robot_of
 from harness.truth.compare import Certified, compare
-from harness.truth.quantities.derivatives import FORWARD, INVERSE, DerivativeTruth, Dynamics
+from harness.truth.quantities.derivatives import FORWARD, INVERSE, DerivativeTruth, Dynamics, coordinate_names
 from harness.truth.sampling import generic_sample, sample
 
 SEED, BITS = 7, 512
@@ -288,3 +289,10 @@ def test_a_mistake_is_seen_and_named(name: str, mistake: str, said: str, dynamic
     wrong = planted(mistake, truth, states, answers.reshape(-1, 3, nv, nv)).reshape(answers.shape)
     assert set(compare(certified, wrong).verdicts.tolist()) == {"disagrees"}
     assert said.format(dynamics.result) in truth.describe(certified, states, wrong, model)
+
+
+def test_velocities_of_a_joint_that_has_several_are_numbered() -> None:
+    mechanism = cast(Mechanism, SimpleNamespace(joints=("slide", "ball", "ball", "plane", "plane", "plane")))
+    first, *others = coordinate_names(mechanism)
+    assert first == "joint 'slide'"
+    assert others == [f"joint {name!r}, velocity {number}" for name, count in (("ball", 2), ("plane", 3)) for number in range(1, count + 1)]
