@@ -255,6 +255,15 @@ def test_what_a_task_prints_stays_in_its_process(capfd: pytest.CaptureFixture[st
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize("own", [None, "3"])
+def test_a_process_computes_with_one_thread_unless_its_user_says_otherwise(own: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    if own is None:
+        monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    else:
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", own)
+    assert outcomes_of(Task("threads", os.getenv, ("OPENBLAS_NUM_THREADS",)))["threads"].value == (own or "1")
+
+
 def test_large_arguments_and_values_come_through() -> None:
     many = np.arange(1_000_000.0)
     assert np.array_equal(outcomes_of(Task(0, work.echo, (many,)))[0].value, many)
