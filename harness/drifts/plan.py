@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -154,26 +155,31 @@ def plan_of(settings: DriftSettings, held: HeldSides) -> Plan:
     timings = tuple(side.timing(length) for side, length in zip(settings.sides, lengths, strict=True))
     every = (1 << len(causes)) - 1
 
+    files = (first.file, second.file)
+
+    # Thousands of motions are put together of the same few parts.
+    @cache
+    def laid_over(cause: DriftCause, is_base: bool, is_exchanged: bool) -> dict[NumberKey, Array]:
+        base = held.second_by_first if is_base else held.first
+        wanted = held.second if is_exchanged else held.first if cause in causes else base
+        return {key: wanted[cause][key] for key in base[cause] if key in wanted[cause] and _differ(wanted[cause][key], base[cause][key])}
+
     def motion(chosen: Chosen) -> SimulatedFile:
         exchanged = [cause for place, cause in enumerate(causes) if chosen >> place & 1]
         is_base = DriftCause.TREE in exchanged or (chosen == every and bool(causes))
-        base = held.second_by_first if is_base else held.first
         over: dict[NumberKey, Array] = {}
         for cause in DriftCause:
-            wanted = held.second if cause in exchanged else held.first if cause in causes else base
-            over |= {
-                key: wanted[cause][key] for key in base[cause] if key in wanted[cause] and _differ(wanted[cause][key], base[cause][key])
-            }
+            over |= laid_over(cause, is_base, cause in exchanged)
         timing = Timing(
             timings[DriftCause.DECIMATION in exchanged].period,
             timings[DriftCause.DELAY in exchanged].delay,
         )
-        return SimulatedFile((second if is_base else first).file, over, timing, counts[DriftCause.STEP in exchanged])
+        return SimulatedFile(files[is_base], over, timing, counts[DriftCause.STEP in exchanged])
 
     orders = sampled_orders(len(causes), PAIRS_OF_ORDERS, settings.seed) if len(causes) > MOST_EXACT else []
     subsets = {chosen | bit for order in orders for place, chosen in along(order) for bit in (0, 1 << place)} or range(every + 1)
     motions = {chosen: motion(chosen) for chosen in sorted(subsets)}
-    own = SimulatedFile(second.file, {}, timings[1], counts[1])
+    own = SimulatedFile(files[1], {}, timings[1], counts[1])
     rounded = tuple([replace(one, rounding=seed + settings.seed) for seed in ROUNDINGS] for one in (motions[0], own))
     control = settings.control or Control.constant({name: held.first.control[name] for name in _driven(held)})
     control = acting(control, _driven(held), held.first.servos, float(times[-1]))
