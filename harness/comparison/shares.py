@@ -74,7 +74,7 @@ class EnergyNorm:
 
     def product(self, one: Array, other: Array) -> Array:
         """Scalar products of positions and of velocities, (2,), of vectors (2 nv,)."""
-        return np.array([a @ self._mass @ b for a, b in zip(np.split(one, 2), np.split(other, 2), strict=True)])
+        return np.vecdot(one.reshape(2, -1) @ self._mass, other.reshape(2, -1))
 
     def sizes(self, vector: Array) -> list[float]:
         """The size of the half of positions, and of that of velocities."""
