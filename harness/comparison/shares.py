@@ -74,7 +74,8 @@ class EnergyNorm:
 
     def product(self, one: Array, other: Array) -> Array:
         """Scalar products of positions and of velocities, (2,), of vectors (2 nv,)."""
-        return np.vecdot(one.reshape(2, -1) @ self._mass, other.reshape(2, -1))
+        products: Array = np.vecdot(one.reshape(2, -1) @ self._mass, other.reshape(2, -1))
+        return products
 
     def sizes(self, vector: Array) -> list[float]:
         """The size of the half of positions, and of that of velocities."""

@@ -72,6 +72,15 @@ class Environment:
     def interpreter(self) -> Path:
         return interpreter_in(self.folder)
 
+    def meets(self, requirements: Iterable[str]) -> bool:
+        """True where every one of these is installed, in a version that it allows."""
+        # Imported late: an environment's interpreter imports this module and has no such package.
+        from packaging.requirements import Requirement
+
+        installed = {_canonical(name): version for name, version in self.installed.items()}
+        asked = [(_canonical(one.name), one.specifier) for one in map(Requirement, requirements)]
+        return all(name in installed and wanted.contains(installed[name], prereleases=True) for name, wanted in asked)
+
     def size(self) -> int:
         """Bytes of its files."""
         return sum(file.lstat().st_size for file in self.folder.rglob("*") if file.is_file() and not file.is_symlink())
@@ -180,8 +189,13 @@ def install(engine: str, distribution: str, module: str, version: str = "", comp
     root.mkdir(parents=True, exist_ok=True)
     scratch = Path(tempfile.mkdtemp(dir=root, prefix=".new-"))
     try:
-        wanted = f"{distribution}=={version}" if version else distribution
-        _fill(scratch, [wanted, *companions, *REQUIREMENTS])
+        wanted = [f"{distribution}=={version}" if version else distribution, *companions, *REQUIREMENTS]
+        # Of another engine of the same program, as of the two solvers of one library, hundreds of megabytes are there already.
+        alike = next((one for one in find_environments() if version and one.engine != engine and one.meets(wanted)), None)
+        if alike is not None:
+            shutil.copytree(alike.folder, scratch, symlinks=True, copy_function=_linked, dirs_exist_ok=True)
+        else:
+            _fill(scratch, wanted)
         installed: dict[str, str] = json.loads(_output([str(interpreter_in(scratch)), "-I", "-c", _INSTALLED]))
         _output([str(interpreter_in(scratch)), "-I", "-c", f"import {module}"])
         by_name = {_canonical(name): found for name, found in installed.items()}
@@ -246,6 +260,14 @@ def _fill(folder: Path, requirements: Sequence[str]) -> None:
     else:
         _output([sys.executable, "-m", "venv", str(folder)])
         _output([str(interpreter_in(folder)), "-m", "pip", *pip])
+
+
+def _linked(source: str, copy: str) -> None:
+    """A second name of one file, where the file system has such; no environment changes a file that is there."""
+    try:
+        os.link(source, copy)
+    except OSError:
+        shutil.copy2(source, copy)
 
 
 def _sources() -> list[str]:

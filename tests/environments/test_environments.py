@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -150,6 +151,23 @@ def test_an_environment_replaces_one_of_its_version(index: Path, monkeypatch: py
     assert install("toy", "toy_engine", "json").version == "2.0"
     assert [one.version for one in find_environments("toy")] == ["1.2", "2.0"]
     assert first.installed["toy-engine"] == "1.2"
+
+
+@pytest.mark.ci
+def test_a_second_engine_of_one_program_shares_its_files(index: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(environments, "REQUIREMENTS", ())
+    first = install("toy", "toy-engine", "json", "1.2")
+    shutil.rmtree(index)
+    second = install("toy_step", "toy-engine", "json", "1.2.0")
+    assert find_environments() == [first, second] and replace(second, engine="toy") == first
+    [one, other] = [next(environment.folder.rglob("toy_engine.py")) for environment in (first, second)]
+    assert one.samefile(other) and one != other
+    first.remove()
+    assert other.is_file() and find_environments() == [second]
+    # Another version, and what it needs beside, are not there.
+    for version, companions in (("1.0", []), ("1.2", ["other-engine"]), ("1.2", ["toy-engine>1.2"])):
+        with pytest.raises(InvalidRequest, match="cannot do it"):
+            install("toy_third", "toy-engine", "json", version, companions)
 
 
 @pytest.mark.ci
