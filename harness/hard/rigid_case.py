@@ -57,6 +57,7 @@ class RigidCase:
         scale: parameters to what distances are relative to.
         length: (value, parameters) to the length of steps [s]; None where that is the setting's.
         only: settings that bear on it, by name; the usual ones for none.
+        not_in_urdf: what acts in it that engines take from no URDF, as "spring of a joint"; "" for nothing.
         gentle_first: whether values go from gentle to hard, so that a law of growth and the value that breaks an engine are told.
     """
 
@@ -76,5 +77,6 @@ class RigidCase:
     scale: Callable[[Numbers], float] = lambda own: 1.0
     length: Callable[[float, Numbers], float] | None = None
     only: tuple[str, ...] = ()
+    not_in_urdf: str = ""
     gentle_first: bool = False
     source: str

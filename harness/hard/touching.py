@@ -192,6 +192,9 @@ def _measured(library: Library, engine: str, place: _Place, setting: ContactSett
         joints = tuple(dict.fromkeys(load_mechanism(Library.built_in(), case.system).joints))
         control = Control.constant({})
         moved = load_engine(library, engine).moved(MotionsRequest([motion], joints, start[0], start[1], control, True))
+    # Engines that offer no motions at all have said so by now.
+    if case.not_in_urdf and not is_mjcf:
+        raise Refused(f"its reader takes no {case.not_in_urdf} from a URDF")
     times = length * np.array(counts, dtype=np.float64)
     return case.measure(RecordedMotion(times, moved.q[0], moved.v[0], (start[0], start[1])), own)
 

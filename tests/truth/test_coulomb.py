@@ -408,7 +408,7 @@ def differs(gaps: Sequence[float], found: Sequence[float]) -> bool:
 
 
 NAMES = ["block_on_incline", "sphere_on_incline", "sliding_to_rolling", "spinning_disc", "bouncing_ball", "newtons_cradle", "box_stack"]
-NAMES += ["painleve_rod", "rimless_wheel", "tippe_top"]
+NAMES += ["painleve_rod", "rimless_wheel", "tippe_top", "woodpecker"]
 
 
 @pytest.mark.parametrize("name", NAMES)
