@@ -34,7 +34,7 @@ def _start(own: Numbers) -> tuple[Sequence[float], Sequence[float]]:
 
 
 def _edits(mu: float) -> Edits:
-    """Friction, and what motions do not feel: MJX switches springs off with dampers, and Newton adds 1e-6 kg m^2 to moments of zero."""
+    """Friction, and what no motion feels: MJX switches springs off with dampers, and Newton adds 1e-6 kg m^2 to moments that are none."""
     bird, sleeve = "worldbody/body/inertial", "worldbody/body/body/inertial"
     round_bodies = {bird: {"diaginertia": "7e-7 7e-7 7e-7"}, sleeve: {"diaginertia": "5e-9 5e-9 5e-9"}}
     return {"worldbody//geom": {"friction": f"{mu!r}"}, "option/flag": {"damper": "enable"}, **round_bodies}
