@@ -26,6 +26,10 @@ R_j mu_j-1^2 = R_2 mu_1^2; with mu = mu_1 / sqrt(i), N = mu y_1, U_j = mu_j-1 y_
 square of the distance to the dual cone: 0 where N >= mu T, that of rows without a range where mu N + T <= 0, and else
 (N - mu T)^2 / (2 R_1 mu^2 (1 + mu^2)).
 
+Of a cone that is not associated the force is that of Coulomb's law, which is no derivative of a cost: the row along the normal pushes by
+itself, f_1 = max(-y_1, 0) / R_1, and the others give -y_j / R_j where mu N + T <= 0, and else -mu_j-1 f_1 U_j / T. With the velocities
+R f + y of rows that give these are the conditions of complementarity of De Saxce and Feng; what they have for a solution need not be one.
+
 By a ``StepRule``, from positions q and velocities v under forces tau, a step of length h leads to q' and v'. With M a0 = f the equations
 of motion at the start, f the sum of all forces, a rule of one stage is
 
@@ -38,7 +42,8 @@ vector h v. A Runge-Kutta method works in this vector, whose rate is v at the st
 
 Sources: MuJoCo documentation, Computation, sections Constraint model, Solver parameters and Friction cones, and MuJoCo 4.0,
 engine_core_constraint.c (mj_makeImpedance, mj_constraintUpdate), for R of cones and the three zones; Hairer, Wanner, Solving Ordinary
-Differential Equations II, 2nd ed., section IV.7 (linearly implicit methods); Munthe-Kaas, High order Runge-Kutta methods on manifolds,
+Differential Equations II, 2nd ed., section IV.7 (linearly implicit methods); De Saxce, Feng, The bipotential method, Mathl. Comput.
+Modelling 28 (1998), for cones that are not associated; Munthe-Kaas, High order Runge-Kutta methods on manifolds,
 Appl. Numer. Math. 29 (1999).
 """
 
@@ -97,13 +102,15 @@ class FrictionCone:
 
     Attributes:
         friction: mu_j. impedance_ratio: i. is_elliptic: whether the cone is round. sliding_damping: b of the rows across the normal of an
-            elliptic cone [1/s]; None for that of the normal.
+            elliptic cone [1/s]; None for that of the normal. is_associated: whether what slides also parts, as at the optimum of a convex
+            problem, in place of Coulomb's law; of an elliptic cone of one coefficient and a ratio of 1.
     """
 
     friction: tuple[float, ...]
     impedance_ratio: float
     is_elliptic: bool
     sliding_damping: float | None = None
+    is_associated: bool = True
 
 
 @dataclass(frozen=True)
@@ -162,6 +169,11 @@ class ConstraintLaw:
     def rubs(self) -> bool:
         """True for a law of dry friction."""
         return -math.inf < self.force_range[0] < 0.0
+
+    @property
+    def has_cost(self) -> bool:
+        """True where its forces are those of a convex cost, so that one acceleration alone is right."""
+        return self.cone is None or self.cone.is_associated
 
     @property
     def is_rigid(self) -> bool:

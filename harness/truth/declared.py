@@ -21,7 +21,7 @@ from harness.arrays import Array, Indices
 from harness.files.rules import ConstraintLaw, InverseWeight
 from harness.programs.evaluation import values, values_and_spread
 from harness.programs.mechanisms.clamps import Clamp, Ranges
-from harness.programs.mechanisms.cones import Cone
+from harness.programs.mechanisms.cones import ASSOCIATED, COULOMB, Cone
 from harness.programs.mechanisms.descent import sides_at_least
 from harness.programs.mechanisms.mechanism import RATE, RESIDUAL, Constraints, Mechanism
 from harness.programs.mechanisms.softened import (
@@ -44,7 +44,7 @@ from harness.programs.mechanisms.softened import (
     number_of,
     softened_program,
 )
-from harness.programs.mechanisms.zones import Sides, Zones
+from harness.programs.mechanisms.zones import Zones
 from harness.programs.numbers import UNIT_ROUNDOFF
 from harness.programs.program import StraightLineProgram, without_unused
 from harness.programs.states import States
@@ -105,12 +105,21 @@ class DeclaredMechanism(Mechanism):
                 return found
         if self.zones is not None:
             ranges = self.ranges_at(self.zones, states, found, np.zeros((len(states), 0)))
-            self.zones.settle(states.known, found, ranges, self._start(self.zones, states, found, ranges))
+            self._settle(self.zones, states, found, ranges)
         return found
 
-    def _start(self, zones: Zones, states: States, found: Array, ranges: Ranges) -> Sides | None:
-        """The sides at the least of the documented function, in float64."""
-        return None if self.problem is None else sides_at_least(zones, self.problem, self.inputs(states, found), found, ranges)
+    def _settle(self, zones: Zones, states: States, found: Array, ranges: Ranges) -> Array:
+        """As ``Zones.settle``, from the sides at the least of the documented function in float64, where it is one."""
+        if self.problem is None:
+            return zones.settle(states.known, found, ranges)
+        inputs = self.inputs(states, found)
+        if all(cone.flow.is_convex for cone in zones.cones):
+            return zones.settle(states.known, found, ranges, sides_at_least(zones, self.problem, inputs, found, ranges))
+        # Most forces are those of a cost.
+        from harness.truth.complementarity import settle
+
+        settle(zones, self.problem, inputs, found, ranges)
+        return zones.reach(states.known, found, UNIT_ROUNDOFF)[0][:, : len(zones.clamps)]
 
     def across(self, states: States, parameters: Array, unit_roundoff: float) -> Array:
         """See ``Mechanism``."""
@@ -129,7 +138,7 @@ class DeclaredMechanism(Mechanism):
         """Settle the zones; NaN where half an ulp of what is left by a row that would push decides whether it is there at all."""
         assert self.zones is not None
         ranges = self.ranges_at(self.zones, states, found, residuals)
-        raw = self.zones.settle(states.known, found, ranges, self._start(self.zones, states, found, ranges))
+        raw = self._settle(self.zones, states, found, ranges)
         is_at = _is_rounding(self._residual_program, self._inputs_of_residuals(states, found), residuals)
         for place, row in self._within_limits:
             [states_at] = np.nonzero(is_at[:, row])
@@ -273,16 +282,17 @@ def _least(law: ConstraintLaw, impedance: Any) -> Any:
     return law.least_regularisation * impedance / ((1 - impedance) * edge)
 
 
-def _cone_of(name: str, rows: Sequence[int], friction: int, columns: Mapping[str, int]) -> Cone:
-    """The places of the numbers of a contact with so many coefficients of friction, whose rows have these numbers."""
+def _cone_of(name: str, rows: Sequence[int], law: Softness, columns: Mapping[str, int]) -> Cone:
+    """The places of the numbers of a contact whose rows have these numbers."""
     return Cone(
         columns[number_of(name, STICKING)],
         columns[number_of(name, SLIDING)],
         tuple(columns[number_of(name, TOWARDS, row)] for row in rows),
         tuple(columns[number_of(name, REST_OF_TOWARDS, row)] for row in rows),
-        tuple(columns[number_of(f"{name} {number}", FRICTION)] for number in range(friction)),
+        tuple(columns[number_of(f"{name} {number}", FRICTION)] for number in range(len(law.friction))),
         columns[number_of(name, RATIO)],
         columns.get(number_of(name, REST_OF_RATIO)),
+        law.flow,
     )
 
 
@@ -321,9 +331,9 @@ def _softness(name: str, law: ConstraintLaw, count: int, weights: Mapping[Invers
         return replace(plain, compliance=law.least_regularisation)
     if (cone := law.cone) is None:
         return plain
-    return replace(
-        plain, friction=cone.friction, ratio=cone.impedance_ratio, is_round=cone.is_elliptic, sliding_damping=cone.sliding_damping
-    )
+    flow = ASSOCIATED if cone.is_associated else COULOMB
+    ratio, damping = cone.impedance_ratio, cone.sliding_damping
+    return replace(plain, friction=cone.friction, ratio=ratio, is_round=cone.is_elliptic, flow=flow, sliding_damping=damping)
 
 
 def _paired(ranged: Sequence[tuple[str, int]], laws: Mapping[str, ConstraintLaw]) -> Iterator[tuple[int, int]]:
@@ -365,7 +375,7 @@ def softened(
             for name, row in written.ranged
         ]
         numbers = {name: [row for row, owner in enumerate(tied.rows) if owner == name] for name in written.round}
-        cones = [_cone_of(name, rows, len(softness[name].friction), columns) for name, rows in numbers.items()]
+        cones = [_cone_of(name, rows, softness[name], columns) for name, rows in numbers.items()]
         paired = _paired(written.ranged, by_name) if is_rigid else ()
         ratios = tuple((columns[number_of(name, RATIO)], columns[number_of(name, REST_OF_RATIO)]) for name in written.regularised)
         own = {field.name: getattr(mechanism, field.name) for field in fields(Mechanism)}

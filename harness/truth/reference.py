@@ -50,7 +50,8 @@ class Reference(Certified):
         norm_factor: (n, nv, nv) upper triangular R with |x|_M = |R x|.
         sensitivity: sum over inputs z of |dqdd/dz z|_M. share: of the motion, the sum over rotating
             coordinates i of 2 T |M^-1 e_i|_M, of the weight, g sqrt(m) where
-            the accelerations are much shorter, and of what equalities that give leave, see ``harness.truth.residual_share``.
+            the accelerations are much shorter, of what equalities that give leave, see ``harness.truth.residual_share``, and of what
+            slides, see ``harness.truth.slip_share``.
         instability: 16 nv kappa_s (|qdd|_M + norms of the separate terms of qdd); an error up to
             UNIT_ROUNDOFF times it is within what an unstable factorisation of M can lose. Under constraints the terms
             are the accelerations of the tree without them, too, and kappa_s of J M^-1 J' is a factor.
@@ -191,6 +192,7 @@ class ReferenceKernel:
         from harness.truth.declared import DeclaredMechanism, lost
         from harness.truth.manifold import closes, free_size, rank_condition
         from harness.truth.residual_share import residual_share
+        from harness.truth.slip_share import slip_share
 
         inputs = self.mechanism.inputs(states, parameters)
         free = free_size(tied, inputs, states.tau, found.norm_factor)
@@ -199,6 +201,7 @@ class ReferenceKernel:
             # It has accelerations wherever its constraints are.
             radius = found.radius + lost(self.mechanism) * UNIT_ROUNDOFF**2 * found.sensitivity
             share = found.share + residual_share(self.mechanism, inputs, found.norm_factor)
+            share = share + slip_share(self.mechanism, inputs, found.high, found.norm_factor)
             return replace(found, radius=radius, share=share, instability=cancelling)
         # Without a configuration in which the constraints hold there is no motion to be asked for.
         certified, held = found.certified & closes(self.mechanism, states, parameters), self.mechanism.constraints or tied

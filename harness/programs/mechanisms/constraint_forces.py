@@ -114,6 +114,23 @@ def solved_from_tips(mass: Matrix, columns: Sequence[Vector]) -> list[Vector]:
     return [column[::-1] for column in solved(mass[::-1, ::-1], [column[::-1] for column in columns])]
 
 
+def solved_by_rows(rows: Matrix, columns: Sequence[Vector]) -> list[Vector]:
+    """As ``solved``, for a regular system that need not be symmetric, by L U from its last row to its first (section 3.2)."""
+    n, left = len(rows), rows[::-1, ::-1].copy()
+    zero = rows[0, 0].builder.number(0)
+    found = [column[::-1].copy() for column in columns]
+    for j in range(n):
+        for i in range(j + 1, n):
+            share = left[i, j] / left[j, j]
+            left[i, j + 1 :] = left[i, j + 1 :] - share * left[j, j + 1 :]
+            for column in found:
+                column[i] = column[i] - share * column[j]
+    for column in found:
+        for i in reversed(range(n)):
+            column[i] = (column[i] - dot(left[i, i + 1 :], column[i + 1 :], zero)) / left[i, i]
+    return [vector(column[::-1]) for column in found]
+
+
 def products_of_elimination(rows: Matrix) -> int:
     """Products of the elimination of a symmetric matrix from its first row to its last, where only zeros of it that stay so cost none."""
     filled, count = np.array([[entry.value != 0 for entry in row] for row in rows]), 0

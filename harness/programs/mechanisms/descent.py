@@ -1,5 +1,7 @@
 """The least of F(a) = 1/2 |a - a0|_M^2 + s(J a - aref) in float64, where a proof of which rows act how begins.
 
+``Problem.linear`` is a step of Newton's method for forces that are no derivative of any s.
+
 Newton's method with a search along each direction, at all states at once: F is convex and once differentiable, and its derivative along
 a line rises, so that the least on the line is where that is zero.
 
@@ -9,7 +11,7 @@ Source: Nocedal, Wright, Numerical Optimization, 2nd ed., section 3.1; MuJoCo do
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +20,7 @@ from harness.programs.evaluation import values
 from harness.programs.kernels import full_matrices
 from harness.programs.loops.interpreter import approximate_outputs
 from harness.programs.mechanisms.clamps import Ranges
-from harness.programs.mechanisms.cones import Cone, sliding_weights_at
+from harness.programs.mechanisms.cones import ASSOCIATED, Cone, Flow
 from harness.programs.mechanisms.mechanism import JACOBIAN
 from harness.programs.mechanisms.zones import Sides, Zones
 from harness.programs.program import StraightLineProgram
@@ -36,13 +38,14 @@ class _RoundRows:
     rows: slice
     friction: Array
     ratio: Array
+    flow: Flow
 
     @classmethod
     def of(cls, cone: Cone, rows: slice, found: Array) -> _RoundRows:
-        return cls(rows, found[:, list(cone.friction)], found[:, cone.ratio])
+        return cls(rows, found[:, list(cone.friction)], found[:, cone.ratio], cone.flow)
 
     def __getitem__(self, states: Indices) -> _RoundRows:
-        return _RoundRows(self.rows, self.friction[states], self.ratio[states])
+        return _RoundRows(self.rows, self.friction[states], self.ratio[states], self.flow)
 
     def act(self, y: Array, weights: Array, force: Array, weighted: tuple[Array, Array] | None = None) -> None:
         """Set forces, (n, rows), and the Jacobian times minus their derivative by y, where the rows do not act by themselves.
@@ -50,13 +53,11 @@ class _RoundRows:
         ``weighted`` is the Jacobian, (n, rows, nv), and that product. Where a contact sticks its rows do act by themselves.
         """
         own = y[:, self.rows]
-        mu = self.friction[:, 0] / np.sqrt(self.ratio)
-        lateral = self.friction * own[:, 1:]
-        across, normal = np.linalg.norm(lateral, axis=1), mu * own[:, 0]
-        sticks, parts = mu * normal + across <= 0, normal - mu * across >= 0
+        sticking, parting = self.flow.edges([self.ratio, *self.friction.T], own.T, np.sqrt)
+        sticks, parts = sticking <= 0, parting >= 0
         others, slides = np.flatnonzero(~sticks), np.flatnonzero(~(sticks | parts))
         force[others, self.rows] = 0.0
-        bent = sliding_weights_at(weights[slides, self.rows.start], self.friction[slides], self.ratio[slides], own[slides])
+        bent = self.flow.weights_at(weights[slides, self.rows.start], self.friction[slides], self.ratio[slides], own[slides])
         force[slides, self.rows] = -np.einsum("nij,nj->ni", bent, own[slides])
         if weighted is not None:
             jacobian, product = weighted
@@ -65,7 +66,7 @@ class _RoundRows:
 
 
 @dataclass(frozen=True)
-class _Problem:
+class Problem:
     """F at n states: M, M a0, J, aref and D, the least and the largest force of each row, and the rows whose forces lie in cones."""
 
     mass: Array
@@ -77,10 +78,10 @@ class _Problem:
     high: Array
     cones: Sequence[_RoundRows]
 
-    def __getitem__(self, states: Indices) -> _Problem:
+    def __getitem__(self, states: Indices) -> Problem:
         own = (self.mass, self.force, self.jacobian, self.wanted, self.weights, self.low, self.high)
         mass, force, jacobian, wanted, weights, low, high = (one[states] for one in own)
-        return _Problem(mass, force, jacobian, wanted, weights, low, high, [one[states] for one in self.cones])
+        return Problem(mass, force, jacobian, wanted, weights, low, high, [one[states] for one in self.cones])
 
     def forces(self, y: Array) -> Array:
         """Forces of rows that leave ``y``, (n, rows)."""
@@ -97,6 +98,27 @@ class _Problem:
         for one in self.cones:
             one.act(y, self.weights, force, (self.jacobian, weighted))
         return force, self.jacobian.transpose(0, 2, 1) @ weighted
+
+    @property
+    def associated(self) -> Problem:
+        """The convex problem of the same rows."""
+        return replace(self, cones=[replace(one, flow=ASSOCIATED) for one in self.cones])
+
+    def system(self, y: Array) -> tuple[Array, Array, Array]:
+        """Forces of rows that leave ``y``, minus their derivatives by it, W, (n, rows, rows), and M + J' W J."""
+        free, count = -self.weights * y, self.weights.shape[1]
+        inside, force = (free > self.low) & (free < self.high), np.clip(free, self.low, self.high)
+        unit = np.tile(np.eye(count), (len(y), 1, 1))
+        bent = np.where(inside, self.weights, 0.0)[:, :, None] * unit
+        for one in self.cones:
+            one.act(y, self.weights, force, (unit, bent))
+        return force, bent, self.mass + self.jacobian.transpose(0, 2, 1) @ bent @ self.jacobian
+
+    def linear(self, y: Array) -> Array:
+        """(n, nv) accelerations by the forces of rows that leave ``y`` and by their derivatives there."""
+        force, bent, system = self.system(y)
+        pushed = force + _times(bent, self.wanted + y)
+        return _solved(system, self.force + _times(self.jacobian.transpose(0, 2, 1), pushed))
 
     @np.errstate(all="ignore")
     def least(self) -> Array:
@@ -170,7 +192,7 @@ def left_at(
     zones: Zones, problem: StraightLineProgram, inputs: Array, ranges: Ranges, found: Array, a: Array
 ) -> tuple[Array, Array, Array]:
     """M, (n, nv, nv), the derivative of F at accelerations a, and J' f there, (n, nv) each; arguments as of ``sides_at_least``."""
-    own = _problem_of(zones, problem, inputs, found, ranges)
+    own = problem_of(zones, problem, inputs, found, ranges)
     pushed = np.einsum("nri,nr->ni", own.jacobian, own.forces(own.left_by(a)))
     return own.mass, _times(own.mass, a) - own.force - pushed, pushed
 
@@ -180,14 +202,14 @@ def sides_at_least(zones: Zones, problem: StraightLineProgram, inputs: Array, fo
 
     ``problem`` and ``ranges``: as of ``SoftenedProgram`` and of ``Zones.settle``.
     """
-    own, clamps = _problem_of(zones, problem, inputs, found, ranges), len(zones.clamps)
+    own, clamps = problem_of(zones, problem, inputs, found, ranges), len(zones.clamps)
     y = own.least()
     free, least, most = -own.weights[:, :clamps] * y[:, :clamps], own.low[:, :clamps], own.high[:, :clamps]
     sides = np.where(free < least, -1.0, np.where(free > most, 1.0, 0.0))
     return zones.sides(sides, y[:, clamps : clamps + sum(cone.size for cone in zones.cones)], found)
 
 
-def _problem_of(zones: Zones, problem: StraightLineProgram, inputs: Array, found: Array, ranges: Ranges | None) -> _Problem:
+def problem_of(zones: Zones, problem: StraightLineProgram, inputs: Array, found: Array, ranges: Ranges | None) -> Problem:
     with np.errstate(all="ignore"):
         inputs = inputs[: len(problem.inputs)]
         outputs = approximate_outputs(problem, inputs) or values(problem, inputs)
@@ -201,4 +223,4 @@ def _problem_of(zones: Zones, problem: StraightLineProgram, inputs: Array, found
     ]
     mass, jacobian = full_matrices(outputs["mass"]), outputs[JACOBIAN].T.reshape(len(found), rows, nv)
     force, wanted, weights = (np.ascontiguousarray(outputs[name].T) for name in ("force", "wanted", "weights"))
-    return _Problem(mass, force, jacobian, wanted, weights, low, beyond, cones)
+    return Problem(mass, force, jacobian, wanted, weights, low, beyond, cones)

@@ -11,8 +11,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.programs.mechanisms.cones import sliding_weights
-from harness.programs.mechanisms.constraint_forces import Tied, products_of_elimination, solved, solved_from_tips, tied_equations
+from harness.programs.mechanisms.cones import ASSOCIATED, Flow
+from harness.programs.mechanisms.constraint_forces import (
+    Tied,
+    products_of_elimination,
+    solved,
+    solved_by_rows,
+    solved_from_tips,
+    tied_equations,
+)
 from harness.programs.mechanisms.mechanism import JACOBIAN, Constraints
 from harness.programs.program import StraightLineProgram, position_count, without_unused
 from harness.programs.terms import Builder, Matrix, Term, Vector, length, matrix, sqrt, vector
@@ -29,7 +36,7 @@ class Softness:
         has_bias: whether the law takes account of J' v; without it, it leaves b out.
         force_range: the least and the largest force of each row [N or N m].
         friction, ratio: mu_j of a contact, and the ratio of impedances; () of all other constraints. Its R are those of its first row.
-        is_round: whether its forces lie in an elliptic cone.
+        is_round: whether its forces lie in an elliptic cone. flow: what they are there.
         sliding_damping: b of its rows across the normal [1/s]; None for that of the normal.
         bound: the parameter that is the largest force of each row in either direction, of which the row's constant is a multiple; "" where
             the constant is the force.
@@ -47,6 +54,7 @@ class Softness:
     friction: tuple[float, ...] = ()
     ratio: float = 1.0
     is_round: bool = False
+    flow: Flow = ASSOCIATED
     sliding_damping: float | None = None
     near_rigid: float | None = None
     least: float | None = None
@@ -64,7 +72,7 @@ class Softness:
         weighs = tuple(one is None for one in self.inverse_masses)
         of_step = self.near_rigid is not None
         own_ratio = self.regularised is not None
-        of_cone = len(self.friction), self.is_round, self.sliding_damping is None, own_ratio
+        of_cone = len(self.friction), self.is_round, self.flow, self.sliding_damping is None, own_ratio
         return weighs, self.has_bias, self.has_range, *of_cone, self.bound, of_step
 
 
@@ -97,7 +105,7 @@ class SoftenedProgram:
             state, ``regularised``; None without any.
         problem: a program of the same inputs: ``mass`` and ``force`` of the tree, ``jacobian``, ``wanted`` (aref less J' v) and
             ``weights`` (D) of the rows in the order of ``unbounded``, and then of those that hold on both sides.
-        stiffened: the program whose accelerations are not eliminated; None where rows are rigid.
+        stiffened: the program whose accelerations are not eliminated; None where rows are rigid, or no cost has these forces.
         unbounded_by: the outputs of ``unbounded`` as functions of these accelerations, which are further inputs, (nv,), and of their rests,
             (nv,); None without elliptic cones, where an elimination instruction by instruction shows on which sides forces are.
     """
@@ -190,22 +198,25 @@ def _written(
             if law.is_round:
                 sticking, sliding = (known[number_of(name, what)] for what in (STICKING, SLIDING))
                 towards = vector(known[number_of(name, TOWARDS, row)] + known[number_of(name, REST_OF_TOWARDS, row)] for row in rows)
-                block = sliding * sliding_weights(weights[rows[0]], friction, ratio, towards)
+                block = sliding * law.flow.weights(weights[rows[0]], friction, ratio, towards)
                 for place, row in enumerate(rows):
                     block[place, place] = block[place, place] + sticking * weights[row]
                 blocks[name] = block
     weighted = matrix([share * weight * row for share, weight, row in zip(shares, weights, jacobian, strict=True)])
+    pulling = weighted.copy()
     for name, block in blocks.items():
-        weighted[places[name]] = block @ jacobian[places[name]]
+        weighted[places[name]], pulling[places[name]] = block @ jacobian[places[name]], block.T @ jacobian[places[name]]
     required = vector(wanted)
     stiffened = matrix([[mass[i, j] + jacobian[:, i] @ weighted[:, j] for j in range(tied.nv)] for i in range(tied.nv)])
     pushed = [force + column @ constants for force, column in zip(tied.force, jacobian.T, strict=True)]
-    pulled = vector(force + column @ required for force, column in zip(pushed, weighted.T, strict=True))
-    given = vector(row @ constants + column @ required for row, column in zip(jacobian.T, weighted.T, strict=True))
+    pulled = vector(force + column @ required for force, column in zip(pushed, pulling.T, strict=True))
+    given = vector(row @ constants + column @ required for row, column in zip(jacobian.T, pulling.T, strict=True))
     # Rows of loops would lose digits from the tips, and gain nothing; but of many bodies the other way takes more than memory holds.
     is_of_single_joints = all(sum(entry.value != 0 for entry in row) == 1 for row in jacobian)
     from_tips = is_of_single_joints or products_of_elimination(stiffened) > MOST_PRODUCTS
-    [moved] = (solved_from_tips if from_tips else solved)(stiffened, [pulled])
+    is_symmetric = all(law.flow.is_convex for law in laws.values())
+    eliminated = (solved_from_tips if from_tips else solved) if is_symmetric else solved_by_rows
+    [moved] = eliminated(stiffened, [pulled])
     missing = required - jacobian @ moved
     unbounded = vector(weight * force for weight, force in zip(weights, missing, strict=True))
     held = vector(share * force for share, force in zip(shares, unbounded, strict=True)) + constants
@@ -219,13 +230,13 @@ def _written(
     problem = without_unused(builder.program(asked))
     return SoftenedProgram(
         # Minus, as those of the rigid forces -J' lambda.
-        tied.with_forces(started + (weighted.T @ missing + jacobian.T @ constants), vector(-one for one in held)),
+        tied.with_forces(started + (pulling.T @ missing + jacobian.T @ constants), vector(-one for one in held)),
         numbers,
         without_unused(builder.program({UNBOUNDED: outside})),
         ranged,
         list(blocks),
         problem,
-        tied.with_system(stiffened, started + given),
+        tied.with_system(stiffened, started + given) if is_symmetric else None,
         _by_accelerations(problem, len(ranged), len(first)) if blocks else None,
         without_unused(builder.program({RATIO: ratios.values()})) if ratios else None,
         tuple(ratios),

@@ -104,10 +104,17 @@ class Zones:
         raw, is_proved = self._are_shown(known, found, (low, high), sides, (raw, reach))
         raw[~is_proved] = np.nan
         self._prove(known, found, (low, high), sides, (raw, is_proved))
-        self._put(found, low, high, sides)
-        shares = [*(clamp.share for clamp in self.clamps), *(cone.sticking for cone in self.cones)]
-        found[:, shares] = np.where(is_proved[:, None], found[:, shares], np.nan)
+        self.put(found, (low, high), sides, is_proved)
         return raw
+
+    def put(self, found: Array, ranges: Ranges, sides: Sides, is_proved: Flags | None = None) -> None:
+        """Set what each force and contact does by ``sides``; shares are NaN where these are not proved, (n,)."""
+        self._put_clamps(found, *ranges, sides.clamps)
+        for zones, cone, part in zip(sides.cones.T, self.cones, self.parts, strict=True):
+            cone.put(found, zones, sides.towards[:, part], sides.rest[:, part])
+        if is_proved is not None:
+            shares = [*(clamp.share for clamp in self.clamps), *(cone.sticking for cone in self.cones)]
+            found[:, shares] = np.where(is_proved[:, None], found[:, shares], np.nan)
 
     def sides(self, clamps: Array, y: Array | None = None, found: Array | None = None, rest: Array | None = None) -> Sides:
         """Sides of n states; y + ``rest``, (n, rows of cones), and the parameters say what contacts do, which part without them."""
@@ -162,12 +169,6 @@ class Zones:
         """(inputs, n)."""
         return np.ascontiguousarray(np.hstack([known, found[:, : len(self.program.inputs) - known.shape[1]]]).T)
 
-    def _put(self, found: Array, low: Array, high: Array, sides: Sides) -> None:
-        """The choice of ``sides`` for each force and contact."""
-        self._put_clamps(found, low, high, sides.clamps)
-        for zones, cone, part in zip(sides.cones.T, self.cones, self.parts, strict=True):
-            cone.put(found, zones, sides.towards[:, part], sides.rest[:, part])
-
     def _put_clamps(self, found: Array, low: Array, high: Array, sides: Array) -> None:
         """Share and constant of each force below its range, inside or beyond, as ``sides`` say by -1, 0 and 1."""
         for clamp, *own in zip(self.clamps, sides.T, low.T, high.T, strict=True):
@@ -182,7 +183,7 @@ class Zones:
             if not len(left):
                 break
             part, before = found[left], sides[left]
-            self._put(part, low[left], high[left], before)
+            self.put(part, (low[left], high[left]), before)
             found_now = _approximate(self, known[left], part)
             own, cones = found_now.high[:, :count], self.sides(before.clamps, found_now.high[:, count:], part, found_now.low[:, count:])
             last[left], within[left] = own, found_now.reach[:, :count]
@@ -212,7 +213,7 @@ class Zones:
         (low, high), (raw, reach), own, count = ranges, last, sides.clamps, len(self.clamps)
         is_shown = np.full(len(low), not self.paired)
         if self.cones:
-            self._put(there := found.copy(), low, high, sides)
+            self.put(there := found.copy(), ranges, sides)
             now = _approximate(self, known, there)
             raw, reach = now.high[:, :count].copy(), now.reach[:, :count]
             y, moved = now.of(slice(count, None)), now.high[:, count:] - sides.towards + (now.low[:, count:] - sides.rest)
@@ -240,7 +241,7 @@ class Zones:
             for state in np.flatnonzero(~is_proved).tolist():
                 at, bounds = slice(state, state + 1), list(zip(low[state].tolist(), high[state].tolist(), strict=True))
                 for _ in range(_PROVED):
-                    self._put(part := found[at].copy(), low[at], high[at], sides[at])
+                    self.put(part := found[at].copy(), (low[at], high[at]), sides[at])
                     balls = evaluate(*self.inputs(known[at], part)[:, 0].tolist())
                     own, within = sides.clamps[state], zip(balls, bounds, strict=False)
                     # A range of one force leaves nothing to be found.
