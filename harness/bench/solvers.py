@@ -19,6 +19,7 @@ from harness.comparison.robot_library import engine_of, robot_at
 from harness.comparison.switched_on import Posed, pose
 from harness.engines.request import SolverSettings
 from harness.explain.meant import meant, worst
+from harness.explain.switches import constraints_among
 from harness.results.benchmark import SolverCost
 from harness.study import Note
 from harness.truth.compare import compare
@@ -35,7 +36,8 @@ def solver_costs(path: Path, engine: str, states: int, seed: int, note: Note) ->
         harness.errors.InvalidModel: the file cannot be read, or is no robot.
     """
     record, posed = pose(meant(robot_at(path), states, seed), engine)
-    if posed is None or not posed.case.has_constraints:
+    case = None if posed is None else posed.case
+    if posed is None or case is None or not (constraints_among(case.at.robot, case.judged) or case.touching.is_any.any()):
         yield SolverCost(system=str(path), engine=engine, note=record.message or _NOTHING)
         return
     yield _cost(path, posed, None)

@@ -28,7 +28,7 @@ from harness.explain.as_read import Folded, effects, read_by
 from harness.explain.changes.readings import element_at
 from harness.explain.changes.shape_rules import shape_rules_of
 from harness.explain.documented import documented, effect_of_friction, engine_documenting, switched_off_by_file
-from harness.explain.file_case import FileCase, is_held
+from harness.explain.file_case import FileCase, is_held, judged_by
 from harness.explain.meant import Meant, driven, for_engine, largest_change, read_as, worst
 from harness.explain.switches import Switch, switches_of, why_no_equality
 from harness.explain.touching import Touching
@@ -156,7 +156,7 @@ def with_verdict(
 ) -> SwitchedOnRecord:
     """The record with the verdict on the elements of a case; what is known of answers that nothing explains, where it ``names`` that."""
     at, caller, joints = case.at, case.caller, case.at.robot.joints
-    compared = compare(case.truth, answers.of(joints), factorises=True)
+    compared = judged_by(case, case.truth, answers.of(joints))
     record = replace(
         record,
         verdict=str(compared.verdicts[compared.worst]),
@@ -170,7 +170,7 @@ def with_verdict(
     if record.explained:
         return record
     if case.departures:
-        compared = compare(case.computed, answers.of(joints), factorises=True)
+        compared = judged_by(case, case.computed, answers.of(joints), case.departures)
         record = replace(
             record,
             explained=is_held(compared),
@@ -182,7 +182,7 @@ def with_verdict(
     for ending in () if record.explained else caller.endings:
         # What a solver leaves that stops early has no number of the file for its cause. Where it did not, going on may cost digits.
         answers = asked.with_those(case.judged, at, solver=ending.solver)
-        compared = compare(case.computed, answers.of(joints), factorises=True)
+        compared = judged_by(case, case.computed, answers.of(joints), case.departures)
         if is_held(ended := compared[wrong]):
             return replace(record, explained=True, to_the_end=worst(ended), remedy=ending.remedy, fault=ending.fault)
     if not record.explained and (share := case.stops_as_documented(answers, compared)) is not None and caller.stops is not None:

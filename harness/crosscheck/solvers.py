@@ -1,4 +1,4 @@
-"""An engine's solver of constraints beside the optimum that it documents: where it stops, and what its own settings make of it."""
+"""An engine's solver of constraints beside the solution that it documents: where it stops, and what its own settings make of it."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def judged_to_the_end(
             title = load_engine(assignment.library, assignment.subject.engine).title or assignment.subject.engine
             worst = f"up to {comparison.backward_error[wrong].max():.3g} data roundoffs"
             if fault:
-                sentence = f"{title} ends {worst} beside the optimum that it documents. {fault}: {remedy}"
+                sentence = f"{title} ends {worst} beside the solution that it documents. {fault}: {remedy}"
             else:
-                sentence = f"{title} stops its solver {worst} before the optimum that it documents: {remedy}"
+                sentence = f"{title} stops its solver {worst} before the solution that it documents: {remedy}"
             return replace(comparison, verdicts=verdicts), sentence
     engine = load_engine(assignment.library, assignment.subject.engine)
     if engine.stops is None or not len(wrong):
@@ -59,7 +59,7 @@ def _stopped_as_documented(
     verdicts = comparison.verdicts.copy()
     verdicts[stopped] = Verdict.EXPLAINED.value
     far, share = f"{comparison.backward_error[stopped].max():.3g} data roundoffs", share_text(float(shares[shares <= 1.0].max()))
-    of_tolerance = f"up to {far} before the optimum that it documents, by {share} of the tolerance that it documents"
+    of_tolerance = f"up to {far} before the solution that it documents, by {share} of the tolerance that it documents"
     return replace(comparison, verdicts=verdicts), f"{engine.title or engine.name} stops its solver {of_tolerance}: {rule.remedy}"
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harness.arrays import Array
+from harness.arrays import Array, Indices
 from harness.explain.touching import Touching
 from harness.files.equalities import Constraint
 from harness.files.given import Given
@@ -68,10 +68,9 @@ def contacts_explaining(case: FileCase, answers: Array, compared: Comparison) ->
 class _Tried:
     """Some states of a case, with the answers there."""
 
-    def __init__(self, case: FileCase, numbers: Array, answers: Array) -> None:
-        at = replace(case.at, states=case.at.states[numbers], certified=case.at.truth[numbers])
-        self._contacts: list[Contacts] = [case.touching.contacts[number] for number in numbers.tolist()]
-        self._case = replace(case, at=at, within=case.within[numbers], touching=Touching(self._contacts, np.arange(len(numbers))))
+    def __init__(self, case: FileCase, numbers: Indices, answers: Array) -> None:
+        self._case = case.among(numbers)
+        self._contacts: Sequence[Contacts] = self._case.touching.contacts
         self._answers, self._departures = answers[numbers], case.departures
 
     def found(self) -> Iterator[str]:
@@ -86,7 +85,7 @@ class _Tried:
 
     def _truth(self, change: Callable[[Contacts], Contacts]) -> Reference:
         contacts = [change(own) for own in self._contacts]
-        return replace(self._case, touching=Touching(contacts, np.arange(len(contacts)))).by(self._departures)
+        return replace(self._case, touching=Touching(contacts, np.arange(len(contacts)))).by(self._departures, self._answers)
 
     def _fits(self, truth: Reference) -> bool:
         verdicts = set(compare(truth, self._answers, factorises=True).verdicts.tolist())

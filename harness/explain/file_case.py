@@ -8,7 +8,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from harness.arrays import Array
+from harness.arrays import Array, Indices
 from harness.engines import Engine
 from harness.engines.request import EngineAnswers
 from harness.explain.as_read import Folded, fold
@@ -19,11 +19,11 @@ from harness.explain.file_numbers import left_beside_readings, unexplained
 from harness.explain.meant import Meant, reference_of
 from harness.explain.suspects import Explained, ExplainedOrder, Suspect, SuspectSearch, suspects_of
 from harness.explain.switches import Switch, constraints_among
-from harness.explain.touching import Touching
+from harness.explain.touching import Touching, judged_again
 from harness.results.readings import FELT, Effect
 from harness.trees.mechanism import RobotMechanism, mechanism_of
 from harness.trees.robot import with_actuators
-from harness.truth.compare import Comparison, Flags
+from harness.truth.compare import Comparison, Flags, compare
 from harness.truth.declared import DeclaredMechanism
 from harness.truth.reference import Reference, ReferenceKernel
 from harness.verdict import Verdict
@@ -52,18 +52,19 @@ class FileCase:
     within: Flags
 
     @property
-    def has_constraints(self) -> bool:
-        return bool(constraints_among(self.at.robot, self.judged)) or bool(self.touching.is_any.any())
-
-    @property
     def apart(self) -> Flags:
         """(n,) the states at which no bodies touch."""
         return ~self.touching.is_any
 
-    def by(self, departures: Iterable[Departure] = ()) -> Reference:
-        """The truth by the laws that the engine documents, or with departures from them."""
+    def by(self, departures: Iterable[Departure] = (), near: Array | None = None) -> Reference:
+        """The truth by the laws that the engine documents, or with departures from them; ``near`` as of ``Touching.truth``."""
         own, kernel = (self.at.robot, self.caller, self.judged), partial(ReferenceKernel, unit_roundoff=self.at.unit_roundoff)
-        return self.touching.truth(self.at.states, lambda contacts: documented(*own, departures, contacts), kernel)
+        return self.touching.truth(self.at.states, lambda contacts: documented(*own, departures, contacts), kernel, near)
+
+    def among(self, numbers: Indices) -> FileCase:
+        """The same at some states."""
+        at = replace(self.at, states=self.at.states[numbers], certified=self.at.truth[numbers])
+        return replace(self, at=at, within=self.within[numbers], touching=self.touching.among(numbers))
 
     @cached_property
     def truth(self) -> Reference:
@@ -142,13 +143,14 @@ class FileCase:
 
             named = contacts_explaining(self, accelerations, compared)
             return ["it is only at states where bodies touch that it is not what its documentation gives", *named]
-        if not self.has_constraints and is_held(compared):
+        has_constraints = bool(constraints_among(self.at.robot, self.judged)) or bool(self.touching.is_any.any())
+        if not has_constraints and is_held(compared):
             return left_beside_readings(self.original, self.folded, self.at, answers, compared)
         if compared.are_all(Verdict.AGREES, Verdict.UNDECIDED):
             return []
         if found := self.explaining(accelerations):
             return [one.sentence for one in found]
-        if not self.has_constraints:
+        if not has_constraints:
             return left_beside_readings(self.original, self.folded, self.at, answers, compared)
         if is_held(compared):
             return []
@@ -175,3 +177,16 @@ class FileCase:
         mechanism = reference_of(self.at.robot).mechanism if suspect.is_of_rows else mechanism_of(robot)
         changed = documented(robot, self.caller, self.judged, self._departures_elsewhere, mechanism=mechanism)
         return ReferenceKernel(changed).accelerations(self.where_apart.states)
+
+
+def judged_by(case: FileCase, truth: Reference, accelerations: Array, departures: Iterable[Departure] = ()) -> Comparison:
+    """Answers, (n, nv), beside the truth with these departures; where several are right by the law of a contact, each by the nearest."""
+    found = compare(truth, accelerations, factorises=True)
+    laws = [laws_of(case.at.robot, case.caller, case.judged, contacts)[1].values() for contacts in case.touching.various]
+    if all(law.has_cost for own in laws for law in own):
+        return found
+
+    def nearest(left: Indices) -> Comparison:
+        return compare(case.among(left).by(departures, accelerations[left]), accelerations[left], factorises=True)
+
+    return judged_again(found, np.flatnonzero((found.verdicts != Verdict.AGREES.value) & case.touching.is_any), nearest)

@@ -22,7 +22,7 @@ from harness.programs.mechanisms.mechanism import Mechanism
 from harness.programs.states import States
 from harness.trees.bodies.spatial import parameter_name
 from harness.trees.robot import Robot
-from harness.truth.compare import Flags, in_order
+from harness.truth.compare import Comparison, Flags, in_order
 from harness.truth.reference import Reference, ReferenceKernel
 
 # Of the states one of so many is where the engine's own steps lead, so many steps further for each.
@@ -78,7 +78,7 @@ class Touching:
     @property
     def chosen(self) -> Touching:
         """The same of the states that are judged alone."""
-        return Touching([self.contacts[number] for number in self.states], np.arange(len(self.states)))
+        return self.among(self.states)
 
     @property
     def is_any(self) -> Flags:
@@ -96,14 +96,25 @@ class Touching:
         states: States,
         documented: Callable[[Sequence[Constraint]], Mechanism],
         kernel: Callable[[Mechanism], ReferenceKernel] = ReferenceKernel,
+        near: Array | None = None,
     ) -> Reference:
-        """The truth at all states, by the mechanism that is ``documented`` with contacts of each structure, and its kernel."""
-        return in_order(
-            [
-                (kernel(mechanism).evaluate(states[numbers], values=values), numbers)
-                for mechanism, values, numbers in self.by_structure(documented)
-            ]
-        )
+        """The truth at all states, by the mechanism that is ``documented`` with contacts of each structure, and its kernel.
+
+        Where several accelerations are right, it is the one that is nearest to ``near``, (n, nv).
+        """
+        parts = list[tuple[Reference, Indices]]()
+        for mechanism, values, numbers in self.by_structure(documented):
+            if near is not None:
+                # Of most engines one acceleration is right.
+                from harness.truth.complementarity import begun_at
+
+                values = begun_at(mechanism, states[numbers], values, near[numbers])
+            parts.append((kernel(mechanism).evaluate(states[numbers], values=values), numbers))
+        return in_order(parts)
+
+    def among(self, numbers: Indices) -> Touching:
+        """The same of some states alone."""
+        return Touching([self.contacts[number] for number in numbers.tolist()], np.arange(len(numbers)))
 
     def by_structure(self, documented: Callable[[Sequence[Constraint]], Mechanism]) -> Iterator[tuple[Mechanism, Array, Indices]]:
         """The mechanism that is ``documented`` with contacts of each structure, its parameters at each state, and the numbers of these."""
@@ -158,6 +169,12 @@ def _constraints(found: Sequence[FoundContact], tree: Tree, place: Place, cone: 
         return replace(one, why_not=f"is of {missing[0]}, which the file does not have") if missing and not one.why_not else one
 
     return contacts_of([read(one) for one in found], place, cone)
+
+
+def judged_again(found: Comparison, left: Indices, again: Callable[[Indices], Comparison]) -> Comparison:
+    """A judgement of answers of which those ``left`` have another one, which ``again`` says."""
+    others = np.setdiff1d(np.arange(len(found.verdicts)), left)
+    return in_order([(found[others], others), (again(left), left)]) if len(left) else found
 
 
 def put(states: States, numbers: Indices, q: Array, v: Array) -> States:

@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
+from typing import Any
+
+import numpy as np
 
 from harness.arrays import Array, Indices
 from harness.engines import Call, Calls, Engine, Model, Unsupported, driving_of, timed_answers_of
@@ -16,7 +19,7 @@ from harness.explain.changes.departures import Departure, departures_of
 from harness.explain.changes.readings import element_at
 from harness.explain.documented import all_judged, documented
 from harness.explain.switches import Switch
-from harness.explain.touching import EACH_SETTLED, Touching, put, settling, steps_of
+from harness.explain.touching import EACH_SETTLED, Touching, judged_again, put, settling, steps_of
 from harness.files.contacts import FoundContact, structure_of
 from harness.files.equalities import Constraint
 from harness.programs.mechanisms.mechanism import Mechanism
@@ -24,9 +27,12 @@ from harness.programs.states import States
 from harness.storage import Kept
 from harness.trees.mechanism import RobotMechanism
 from harness.trees.robot import Robot
+from harness.truth.compare import Comparison
+from harness.truth.declared import DeclaredMechanism
 from harness.truth.quantities import ASKED_ELSEWHERE
-from harness.truth.quantities.accelerations import AccelerationTruth, with_all
+from harness.truth.quantities.accelerations import AccelerationTruth, Gaps, with_all
 from harness.truth.reference import Reference, ReferenceKernel
+from harness.verdict import Verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +77,8 @@ class TouchingTruth(AccelerationTruth):
 
     @property
     def key(self) -> Hashable:
-        """See ``Truth``."""
-        return super().key, "contacts", tuple(one.name for one in self.departures)
+        """See ``Truth``; engines whose equations are one without contacts may document other laws of these."""
+        return super().key, "contacts", self.caller and self.caller.name, tuple(one.name for one in self.departures)
 
     def touching(self, states: States) -> Touching:
         """The contacts that push at states.
@@ -93,9 +99,26 @@ class TouchingTruth(AccelerationTruth):
 
     def evaluate(self, states: States) -> Reference:
         """See ``Truth``."""
-        if not len(states):
-            return super().evaluate(states)
-        return self.touching(states).truth(states, self._documented, partial(_kernel, unit_roundoff=self.unit_roundoff))
+        return self._by(self.touching(states), states) if len(states) else super().evaluate(states)
+
+    def _by(self, touching: Touching, states: States, near: Array | None = None) -> Reference:
+        """``near`` as of ``Touching.truth``."""
+        return touching.truth(states, self._documented, partial(_kernel, unit_roundoff=self.unit_roundoff), near)
+
+    def _judge(self, certified: Any, states: States, answers: Array, gaps: Gaps, model: Model) -> Comparison:
+        """As of the parent; where several answers are right by the law of a contact, each beside the nearest."""
+        found, judge = super()._judge(certified, states, answers, gaps, model), super()._judge
+
+        def nearest(left: Indices) -> Comparison:
+            own, touching = states[left], self.touching(states[left])
+            mechanisms = [mechanism for mechanism, *_ in touching.by_structure(self._documented)]
+            if all(law.has_cost for one in mechanisms if isinstance(one, DeclaredMechanism) for _, law in one.laws):
+                return found[left]
+            return judge(
+                self._by(touching, own, answers[left]), own, answers[left], {name: rows[left] for name, rows in gaps.items()}, model
+            )
+
+        return judged_again(found, np.flatnonzero(found.verdicts != Verdict.AGREES.value), nearest)
 
     def asked_at(self, states: States, share: float = ASKED_ELSEWHERE) -> States:
         """See ``Truth``; one of ``EACH_SETTLED`` states is where the engine's own steps lead, so that bodies touch."""

@@ -52,7 +52,7 @@ def conclusion(records: Sequence[Record]) -> str:
     parts = [f"{len(agreeing) or 'none'} {plural(len(agreeing) or 1, 'agrees', 'agree')}{softly}"]
     parts += [f"{len(explained)} {plural(len(explained), 'is', 'are')} explained by how the engine reads the file"] if explained else []
     parts += [f"{len(departing)} {plural(len(departing), 'departs', 'depart')} from the engine's documentation"] if departing else []
-    stops = f"{len(stopping)} {plural(len(stopping), 'stops', 'stop')} before the optimum that the engine documents"
+    stops = f"{len(stopping)} {plural(len(stopping), 'stops', 'stop')} before the solution that the engine documents"
     parts += [stops] if stopping else []
     parts += [f"{known} {plural(known, 'differs', 'differ')} for a known reason"] if known else []
     unexpected = f"{len(wrong)} {'' if known else plural(len(wrong), 'differs ', 'differ ')}unexpectedly"

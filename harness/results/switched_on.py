@@ -110,16 +110,14 @@ class SwitchedOnRecord:
     def misses_optimum(self) -> str:
         """Error that the solver leaves by the file's settings, a clause behind the engine's name; "" where it leaves none."""
         if self.left is not None:
-            far, share = error_text(self.backward_error), share_text(self.left)
-            return (
-                f"stops its solver {far} data roundoffs before the optimum that it documents, by {share} of the tolerance that it documents"
-            )
+            far, share = error_text(self.backward_error), f"by {share_text(self.left)} of the tolerance that it documents"
+            return f"stops its solver {far} data roundoffs before the solution that it documents, {share}"
         if self.to_the_end is None:
             return ""
         left, ended = error_text(self.backward_error), error_text(self.to_the_end)
         if self.fault:
-            return f"ends {left} data roundoffs beside the optimum that it documents, and {ended} with other settings. {self.fault}"
-        return f"stops its solver {left} data roundoffs before the optimum that it documents, and {ended} where it goes on to the end"
+            return f"ends {left} data roundoffs beside the solution that it documents, and {ended} with other settings. {self.fault}"
+        return f"stops its solver {left} data roundoffs before the solution that it documents, and {ended} where it goes on to the end"
 
     @property
     def is_felt(self) -> bool:

@@ -99,7 +99,7 @@ def test_a_solver_that_stops_early_is_no_agreement_and_no_fault(folder: Path, st
     done, records = checked(folder, "firm.xml", "--subject", "mujoco/mjcf", "--states", states)
     assert done.returncode == 0 and records["mujoco/mjcf"]["verdict"] == "explained"
     first = done.stdout.splitlines()[0]
-    assert "stops before the optimum that the engine documents" in first and 'set <option solver="Newton"' in first
+    assert "stops before the solution that the engine documents" in first and 'set <option solver="Newton"' in first
 
 
 @pytest.mark.ci

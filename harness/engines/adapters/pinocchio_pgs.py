@@ -1,4 +1,4 @@
-"""Pinocchio with dry friction and limits of joints over one step, by its projected Gauss-Seidel method.
+"""Pinocchio over one step with dry friction, limits and contacts, by its projected Gauss-Seidel method.
 
 See ``harness.engines.adapters.pinocchio.stepping``.
 """

@@ -23,7 +23,7 @@ from harness.engines.request import Refused
 MOST_STEPS = 2000
 
 
-def simulated(motion: SimulatedFile, request: MotionsRequest, solver: str) -> tuple[Array, Array]:
+def simulated(motion: SimulatedFile, request: MotionsRequest, solver: str, is_convex: bool) -> tuple[Array, Array]:
     """q and v, (k, joints) each, after the recorded steps of one motion; joints have one velocity each.
 
     Raises:
@@ -38,7 +38,7 @@ def simulated(motion: SimulatedFile, request: MotionsRequest, solver: str) -> tu
         model = pinocchio.buildModelFromUrdf(str(path))
     root = etree.parse(path, etree.XMLParser(resolve_entities=False)).getroot()
     shapes = TouchingShapes(model, path, root, among_neighbours=True)
-    step = SolvedStep(model, ((), ()), solver, None, shapes, StepProblem(motion.file.length, compliance=0.0, is_convex=False))
+    step = SolvedStep(model, ((), ()), solver, None, shapes, StepProblem(motion.file.length, compliance=0.0, is_convex=is_convex))
     if lacking := [name for name in request.joints if not model.existJointName(name)]:
         raise Refused(f"it has no joint {lacking[0]!r}")
     joints = [model.joints[model.getJointId(name)] for name in request.joints]

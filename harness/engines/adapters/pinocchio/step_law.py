@@ -6,16 +6,20 @@ and its distance over h besides. With x = h f these are the conditions of forces
 not used up, aref = -J v / h, and for a limit less its distance over h^2. What follows of a limit that is passed is the Baumgarte
 corrector's Kp times its distance, and Kp is 0 by default.
 
-The impulse of a contact in a point lies in Coulomb's cone. With ``solve_ncp`` False, which is not the default, the problem stays convex;
-ADMM solves it, and PGS does not heed the setting (docs/issues/pinocchio-pgs-at-uneven-contacts.md). The constraint models of a user have a
-compliance R, ``setCompliance``: with x = h f, forces are nearest to -R^-1 (J qdd - aref) in their sets, in the norm of R, which is one for
-all rows. So they are those of rows that give, an elliptic cone with a ratio of impedances of 1. With R = 0 contacts have no forces of their
-own; they are asked with R = 2^-10 / kg in all rows wherever bodies touch. Both points of a contact are one, so that no distance is felt.
-Linear velocities of free and planar joints are components along the axes of their bodies.
+The impulse of a contact in a point lies in Coulomb's cone K. By default, ``solve_ncp``, it solves a problem of complementarity, K > x
+against s + Gamma(s) in the dual cone, s = G x + g and Gamma(s) = (0, 0, mu |s_T|): the normal impulse holds what would approach, and
+friction is mu of it against what slides. With ``solve_ncp`` False the problem stays convex, and what slides parts; ADMM heeds the setting,
+and PGS does not (docs/issues/pinocchio-pgs-at-uneven-contacts.md). The constraint models of a user have a compliance R,
+``setCompliance``: with x = h f, forces of the convex problem are nearest to -R^-1 (J qdd - aref) in their sets, in the norm of R, which
+is one for all rows. So they are those of rows that give, an elliptic cone with a ratio of impedances of 1; by default one that is not
+associated. With R = 0 contacts have no forces of their own; they are asked with R = 2^-10 / kg in all rows wherever bodies touch. Both
+points of a contact are one, so that no distance is felt. Linear velocities of free and planar joints are components along the axes of
+their bodies.
 
 Source: Pinocchio 4.1, examples/g1-constraint-simulation.py; constraints/joint-friction-constraint.hxx, setTimeStep (the problem in
 impulses), joint-limit-constraint.hxx; baumgarte-corrector-parameters.hxx (Kp); algorithm/solvers (settings, solve_ncp),
-algorithm/solvers/admm-solver.hpp (the problem with cones); constraints/constraint-model-base.hxx, setCompliance.
+algorithm/solvers/admm-solver.hxx (the problem with cones), constraint-solver-utils.hxx, DeSaxeCorrectionImpl (Gamma);
+constraints/constraint-model-base.hxx, setCompliance.
 """
 
 from __future__ import annotations
@@ -36,14 +40,16 @@ COMPLIANCE = 2.0**-10
 # The solvers that end where nothing changes any more, with tolerances of 0 and so many iterations: PGS if it is asked again (see
 # docs/issues/pinocchio-pgs-stops-after-one-sweep.md), and of rows that give ADMM, if its penalty stays.
 EXACT, EXACT_WITH_CONES, ITERATIONS = "PGS", "ADMM", 20_000
+# Between a solver's name and that of another one for all rows where bodies touch.
+AND = " and "
 _RIGID = Impedance(1.0, 1.0, 0.0, 0.5, 1.0)
 # The impedance at which R is A.
 _HALF = Impedance(0.5, 0.5, 0.0, 0.5, 1.0)
 
 
-def laws(constraints: Sequence[Constraint]) -> Mapping[str, ConstraintLaw]:
-    """By name, of those that are about joints, and of contacts in points, with which all give."""
-    found = {one.name: law for one in constraints if (law := _law(one)) is not None}
+def laws(constraints: Sequence[Constraint], is_convex: bool) -> Mapping[str, ConstraintLaw]:
+    """By name, of those that are about joints, and of contacts in points, with which all give; ``is_convex``: of the convex problem."""
+    found = {one.name: law for one in constraints if (law := _law(one, is_convex)) is not None}
     touches = any(isinstance(one.says, Touch) for one in constraints)
     return {name: _giving(law) for name, law in found.items()} if touches else found
 
@@ -53,10 +59,11 @@ def contacts(root: Any, model_format: str) -> tuple[ConeKind, str]:
     return ConeKind.ELLIPTIC, ""
 
 
-def _law(constraint: Constraint) -> ConstraintLaw | None:
+def _law(constraint: Constraint, is_convex: bool) -> ConstraintLaw | None:
     says, law = constraint.says, ConstraintLaw(_RIGID, 0.0, damping=1 / STEP, weights=None, has_curvature=False, least_regularisation=0.0)
     if isinstance(says, Touch):
-        return replace(law, is_contact=True, cone=FrictionCone(tuple(map(float, says.friction)), 1.0, is_elliptic=True))
+        cone = FrictionCone(tuple(map(float, says.friction)), 1.0, is_elliptic=True, is_associated=is_convex)
+        return replace(law, is_contact=True, cone=cone)
     if not isinstance(says, DryFriction | Limit) or not isinstance(says.of, str):
         return None
     if isinstance(says, Limit):

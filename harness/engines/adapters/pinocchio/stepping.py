@@ -20,7 +20,7 @@ import pinocchio
 
 from harness.arrays import Array
 from harness.engines.adapters.pinocchio.robot import PinocchioFile, model_of
-from harness.engines.adapters.pinocchio.step_law import COMPLIANCE, EXACT_WITH_CONES, STEP
+from harness.engines.adapters.pinocchio.step_law import AND, COMPLIANCE, EXACT_WITH_CONES, STEP
 from harness.engines.adapters.pinocchio.touching import TouchingShapes
 from harness.engines.adapters.pinocchio.versions import require
 from harness.engines.coordinates import body_turn, of_linear
@@ -35,23 +35,26 @@ _PARTS = ("ConstraintSolver", "SolverResult", "SolverSettings")
 _TOLERANCES = tuple(f"{kind}_{what}_tol" for kind in ("absolute", "relative") for what in ("feasibility", "complementarity"))
 
 
-def read(request: Request, solver: str) -> SteppedFile:
-    """A file as its user loads it, whose bounded rows a solver holds: "ADMM" or "PGS"; see ``harness.engines.Engine``."""
+def read(request: Request, solver: str, is_convex: bool) -> SteppedFile:
+    """A file as its user loads it, whose bounded rows a solver holds: "ADMM" or "PGS"; see ``harness.engines.Engine``.
+
+    ``is_convex`` as of ``StepProblem``.
+    """
     require("dry friction and limits", "JointFrictionConstraintModel", f"{solver}ConstraintSolver")
-    return SteppedFile(model_of(request), request, solver)
+    return SteppedFile(model_of(request), request, solver, StepProblem(STEP, COMPLIANCE, is_convex))
 
 
 class SteppedFile(PinocchioFile):
     """A ``pinocchio.Model`` whose dry friction, limits and contacts act over one step; ``contacts`` are of the states asked last."""
 
-    def __init__(self, model: Any, request: Request, solver: str) -> None:
+    def __init__(self, model: Any, request: Request, solver: str, rule: StepProblem) -> None:
         super().__init__(model, request)
         held = request.held
         self._step: SolvedStep | None = None
         if held is not None and (held.rubbing or held.limited or held.touches):
             shapes = TouchingShapes(model, request.path, elements_of(request)) if held.touches else None
             joints = self._numbers(held.rubbing), self._numbers(held.limited)
-            self._step = SolvedStep(model, joints, solver, held.solver, shapes, StepProblem(STEP, COMPLIANCE))
+            self._step = SolvedStep(model, joints, solver, held.solver, shapes, rule)
 
     def accelerating(self) -> Callable[..., Array]:
         return super().accelerating() if self._step is None else self._step.accelerations
@@ -112,7 +115,7 @@ class StepProblem:
 
     length: float
     compliance: float
-    is_convex: bool = True
+    is_convex: bool
 
 
 class SolvedStep:
@@ -144,9 +147,9 @@ class SolvedStep:
         every = [pinocchio.ConstraintModel(pinocchio.JointLimitConstraintModel(model, self._limited, *self._bounds))] if limited else []
         self._of_joints = [*every, *self._rubbing]
         self._memory, self.shapes, self.found = model.createData(), shapes, list[tuple[FoundContact, ...]]()
-        # Of those that go on to the end, one does so with cones alone.
-        self._solve = _Solver(solver if set_by is None else set_by.method, set_by, rule.is_convex)
-        self._solve_cones = self._solve if set_by is None else _Solver(EXACT_WITH_CONES, set_by, rule.is_convex)
+        # The second, if there is one, is for all rows where bodies touch.
+        methods = (solver if set_by is None else set_by.method).split(AND)
+        self._solve, self._solve_cones = (_Solver(method, set_by, rule.is_convex) for method in (methods[0], methods[-1]))
 
     def taken(self, q: Array, v: Array, count: int) -> tuple[Array, Array]:
         """q and v after so many steps without applied forces."""
