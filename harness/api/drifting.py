@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from harness import workers as processes
 from harness.drifts.control import is_table, read_control
-from harness.drifts.measured import MeasuredSettings
+from harness.drifts.log import MeasuredSettings
 from harness.drifts.plan import DriftSettings, MovingSide, sides_of
 from harness.drifts.study import DriftStudy, drift_here, measured_from
 from harness.engines.moving import Control
@@ -37,9 +37,7 @@ class FoundDrift(DriftRecord):
         return draw_drift(self)
 
     def __repr__(self) -> str:
-        from harness.report.drift import drift_sections
-
-        return "\n\n".join(map(str, drift_sections(Drifts(drifts=[self]))))
+        return _printed(Drifts(drifts=[self]))
 
     def _repr_html_(self) -> str:
         return f"<p>{self.sentence}</p>{self.plot().svg}"
@@ -50,9 +48,13 @@ class FoundLog(MeasuredRecord):
     """A log beside a model, which prints as ``harness drift`` does."""
 
     def __repr__(self) -> str:
-        from harness.report.drift import drift_sections
+        return _printed(Drifts(measured=[self]))
 
-        return "\n\n".join(map(str, drift_sections(Drifts(measured=[self]))))
+
+def _printed(found: Drifts) -> str:
+    from harness.report.drift import drift_sections
+
+    return "\n\n".join(map(str, drift_sections(found)))
 
 
 class MovedAlike(TypedDict, total=False):
@@ -109,9 +111,10 @@ def drift(
     timing = moved.get("delay", (0.0, 0.0)), moved.get("decimation", (1, 1))
     sides = sides_of((Path(first), None if second is None else Path(second)), (by,) if isinstance(by, str) else by, *timing)
     settings = DriftSettings(sides, moved.get("seconds", 1.0), None, moved.get("start", {}), moved.get("seed", 0))
+    settings = replace(settings, control=_control(control))
     if callable(control):
-        return _found(drift_here(replace(settings, control=Control.calling(control))))
-    study = DriftStudy(replace(settings, control=None if control is None else read_control(Path(control))))
+        return _found(drift_here(settings))
+    study = DriftStudy(settings)
     with processes.Workers(moved.get("workers"), time_limit=600.0) as pool:
         found: Drifts = complete(study, pool)
     for problem in study.problems:
@@ -128,7 +131,8 @@ def drift_from_log(
     seconds: float | None = None,
     delay: float = 0.0,
 ) -> FoundLog:
-    """The numbers of a model, each alone, that would explain a log of measured joint positions, and those that it does not tell apart.
+    """The numbers of a model, each alone and several at once, that would explain a log of measured joint positions, and those that it does
+    not tell apart.
 
     Args:
         log: a table with a column ``time`` [s] and one for each hinge or slide that was measured. control: as of ``drift``; what was
@@ -148,11 +152,11 @@ def drift_from_log(
         ['pin']
     """
     side = replace(MovingSide(Path(model)).by(by), delay=delay)
-    if callable(control):
-        sent: Control | None = Control.calling(control)
-    else:
-        sent = None if control is None else read_control(Path(control))
-    return FoundLog(**vars(measured_from(MeasuredSettings(side, Path(log), sent, seconds), here=callable(control))))
+    return FoundLog(**vars(measured_from(MeasuredSettings(side, Path(log), _control(control), seconds), here=callable(control))))
+
+
+def _control(control: ControlFunction | str | Path | None) -> Control | None:
+    return Control.calling(control) if callable(control) else None if control is None else read_control(Path(control))
 
 
 def _found(drift: DriftRecord) -> FoundDrift:

@@ -84,7 +84,7 @@ def command(bracket: Bracket, asked: DriftOptions) -> None:
     cause is exchanged between A and B in every subset of the others. Its share is the mean effect of that,
     so that all shares sum to the gap. If rounding alone would make such a gap, no share is claimed.
     B may be a table of measured positions, with a column time [s] and one for each joint. The output then
-    says which number of A, changed alone, explains most of the gap, and which numbers the log cannot tell apart.
+    says which numbers of A, changed at once or alone, explain the gap, and which of them the log cannot tell apart.
     The exit status is 0 if a drift was found and explained, or if both move alike.
 
     \b
@@ -98,7 +98,7 @@ def command(bracket: Bracket, asked: DriftOptions) -> None:
       harness drift a.xml b.xml --picture drift.svg --json drift.json
     """
     from harness.drifts.control import is_table, read_control
-    from harness.drifts.measured import MeasuredSettings
+    from harness.drifts.log import MeasuredSettings
     from harness.drifts.plan import DriftSettings, sides_of
     from harness.drifts.study import DriftStudy, MeasuredStudy
     from harness.report.drift import drift_sections

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,11 @@ from harness.arrays import Array
 from harness.comparison.shares import EnergyNorm, exchanges
 from harness.engines.coordinates import multiplied
 from harness.engines.loaded_file import LoadedFile
-from harness.engines.request import AskedJoint, by_joint
+from harness.engines.request import AskedJoint, by_joint, in_columns
+from harness.engines.tree_request import asked_joints
+from harness.errors import InvalidRequest
 from harness.files.rules import StepRule
+from harness.files.tree import Tree
 from harness.programs.evaluation import values
 from harness.programs.program import upper_triangle
 from harness.results.gap import DYNAMICS, INTEGRATOR, STEP, Gap, Mover, Share
@@ -192,6 +196,27 @@ def advanced(loaded: LoadedFile, joints: Sequence[AskedJoint], q: Array, v: Arra
             v = v + rule.length * accelerate(q, v)
             q = _moved(joints, q, rule.length * v)
     return q, v
+
+
+def in_their_order(
+    names: Sequence[str], joints: Sequence[AskedJoint], start: tuple[Array, Array], move: Callable[[Array, Array], tuple[Array, Array]]
+) -> tuple[Array, Array]:
+    """States, (..., nq) and (..., nv), over joints in the order of ``names``, that ``move`` makes of one over ``joints``."""
+    by_name = {joint.name: joint for joint in joints}
+    own = {joint.name: joint for joint in in_columns([by_name[name] for name in names])}
+    places = [[place for joint in joints for place in getattr(own[joint.name], part)] for part in ("positions", "velocities")]
+    found = []
+    for part, moved in zip(places, move(start[0][places[0]], start[1][places[1]]), strict=True):
+        ordered = np.empty_like(moved)
+        ordered[..., part] = moved
+        found.append(ordered)
+    return found[0], found[1]
+
+
+def refuse_own_frames(path: Path, tree: Tree) -> None:
+    """Raises InvalidRequest of a tree whose free joint is not measured in the world."""
+    if not all(joint.is_measured_in_the_world for joint in asked_joints(tree)):
+        raise InvalidRequest(f"{path.name} measures a free joint in a frame of its own; put it into the world")
 
 
 def _accelerations_of(loaded: LoadedFile, joints: Sequence[AskedJoint]) -> Callable[[Array, Array], Array]:

@@ -10,13 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.gap import LENGTH, OWN_RULES, Motion, advanced, gap_of
+from harness.comparison.gap import LENGTH, OWN_RULES, Motion, advanced, gap_of, in_their_order, refuse_own_frames
 from harness.comparison.matching import SameStates, match, refuse_unknown, renamed_to
 from harness.comparison.robot_library import engines_of_files, robot_at
 from harness.engines import NotOffered, installed_version, runs_elsewhere
 from harness.engines.moving import MovedBy
 from harness.engines.request import Refused
-from harness.engines.tree_request import asked_joints
 from harness.errors import InvalidRequest
 from harness.explain.as_read import read_by
 from harness.explain.meant import request_of
@@ -181,8 +180,7 @@ def _case(robot: Robot, by: MovedBy, rule: StepRule, steps: int) -> _Case:
         raise InvalidRequest(f"{robot.path.name} has a {JointKind.PLANAR} joint, which no rule moves")
     if any(joint.follows for joint in robot.tree.joints) or robot.equalities:
         raise InvalidRequest(f"{robot.path.name} ties joints beside its tree; the gap is that of trees")
-    if not all(joint.is_measured_in_the_world for joint in asked_joints(robot.tree)):
-        raise InvalidRequest(f"{robot.path.name} measures a free joint in a frame of its own; put it into the world")
+    refuse_own_frames(robot.path, robot.tree)
     folded = read_by(robot, by.engine, engines_of_files()[by.engine], Stance.PLAIN)
     if set(folded.robot.joints) != set(robot.joints):
         raise InvalidRequest(f"{by.engine} reads other joints from {robot.path.name} than it has")
@@ -209,21 +207,18 @@ def _hold_coordinates(first: Robot, second: Robot, q: Array, v: Array) -> None:
 def _move(case: _Case, q: Array, v: Array, names: Sequence[str]) -> tuple[Array, Array]:
     """State at which the engine ends, by the joints ``names``."""
     request = request_of(case.robot, Stance.PLAIN)
-    joints = request.joints
-    own = {joint.name: joint for joint in asked_joints(case.robot.tree, names)}
-    positions = [place for joint in joints for place in own[joint.name].positions]
-    velocities = [place for joint in joints for place in own[joint.name].velocities]
     try:
         loaded = engines_of_files()[case.mover.engine].read(request)
     except Refused as refusal:
         raise InvalidRequest(f"{case.mover.engine} refuses {case.robot.path.name}: {refusal}") from refusal
-    given = q[positions], v[velocities]
-    try:
-        after_q, after_v = loaded.advanced(*given, case.rule, case.mover.steps)
-    except NotOffered:
-        after_q, after_v = advanced(loaded, joints, *given, case.rule, case.mover.steps)
-    found_q, found_v = np.empty_like(q), np.empty_like(v)
-    found_q[positions], found_v[velocities] = after_q, after_v
+
+    def moved(q: Array, v: Array) -> tuple[Array, Array]:
+        try:
+            return loaded.advanced(q, v, case.rule, case.mover.steps)
+        except NotOffered:
+            return advanced(loaded, request.joints, q, v, case.rule, case.mover.steps)
+
+    found_q, found_v = in_their_order(names, request.joints, (q, v), moved)
     if not (np.isfinite(found_q).all() and np.isfinite(found_v).all()):
         raise InvalidRequest(f"the motion of {case.mover.engine} by {case.rule.name} breaks down within {case.mover.steps} steps")
     return found_q, found_v

@@ -1,277 +1,282 @@
-"""A log of measured joint positions as the second side: which number of the model, changed alone, explains most of the gap.
+"""A log of measured joint positions as the second side: the numbers of the model that explain most of the gap, alone and at once.
 
-The model moves from the first row of the log; what other velocities there would do is no part of the gap. Each number that its author
-measures is changed a little; along what that does to the motion the gap has a least-squares change. Those that explain most are moved anew,
-from a multiple of the number on, until the gap is least: a part that is told is of a motion that was computed. Numbers whose effects are
-parallel are told together, as no log of these joints tells them apart.
+Each number that its author measures is changed a little; along what that does to the motion the gap has a least-squares change. Those that
+explain most are moved anew, from a multiple of the number on, until the gap is least: a part that is told is of a motion that was computed.
+Beside the number that explains most, the next one is sought in the same way, and all are fitted at once (forward selection). Each that
+the others make needless, or that the noise of the log may make, is left out again (backward elimination). Numbers and sets of numbers that
+the log does not tell from one another are told.
 
-Source: Gauss-Newton method; Khalil, Dombre, Modeling, Identification and Control of Robots (2002), chapter 12, for what is identifiable.
+Sources: Efroymson, Multiple regression analysis (1960), for the steps; Khalil, Dombre, Modeling, Identification and Control of Robots
+(2002), chapter 12, for what is identifiable.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from functools import cached_property
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.drifts.control import read_table
-from harness.drifts.plan import MovingSide, acting, columns_of
-from harness.engines.moving import Control, HeldNumbers, MotionsRequest, Moved, NamedNumber, SimulatedFile
-from harness.errors import InvalidRequest
-from harness.explain.changes.held import HeldFile
+from harness.drifts.fits import (
+    Fit,
+    JointFit,
+    alone,
+    at_once,
+    beside,
+    further,
+    is_white,
+    significances,
+    standard_errors,
+    threshold,
+)
+from harness.drifts.log import CERTAIN, Log, MeasuredSettings
+from harness.engines.moving import HeldNumbers, MotionsRequest, Moved
+from harness.explain.changes import Change
+from harness.explain.changes.held import HeldFile, SizedChange, sized_change
+from harness.explain.identifiable import EffectColumn, alternatives
+from harness.files.given import Place
 from harness.results.cause import DriftCause
 from harness.results.measured import MeasuredNumber, MeasuredRecord
+from harness.results.table import grouped
 
-# At most so many rows of a log are held against the model, and so many numbers are fitted.
-_ROWS, _FITTED = 200, 24
-_ITERATIONS, _FACTORS = 6, (0.5, 0.75, 1.5, 2.0)
-# Rows by which the velocity at the start is estimated.
-_FIRST_ROWS = 5
-# Change of a number by which its effect is computed, relative, and of a velocity [m/s or rad/s]; cosine from which on effects are parallel.
-_CHANGE, _VELOCITY_CHANGE, PARALLEL = 1e-2, 1e-4, 0.98
+# So many numbers are fitted alone, so many beside others, and so many at once.
+_FITTED, _FITTED_BESIDE, _MOST = 24, 6, 4
 # A gap that is less than this part of the way is what rounding and the velocities at the start leave.
 _NO_GAP = 1e-12
-# Parts of the gap that are one for what is told first.
-_AS_MUCH = 1e-3
-DELAY = NamedNumber(DriftCause.DELAY, "", "control delay [s]", 0.0, ("", ""), {}, least=0.0)
+# Parts of the square of the gap that are one for what is told first; and what may be left of it without another number being sought.
+_AS_MUCH, _LEAST_LEFT = 1e-3, 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredSettings:
-    """A model, a log and the control under which it was recorded.
+class ExplainedLog:
+    """A log beside a model, and what was found.
 
     Attributes:
-        log: the path of a table of positions, a column for each joint that was measured; the model starts at its first row.
-        seconds: how long both are held against each other, None for all of the log.
+        gap: what the log is away from the motion of the file, beside another start, (n,). fits: numbers alone, the likeliest first.
+        fit: those that explain the log at once, of which there may be none.
     """
 
-    side: MovingSide
-    log: Path
-    control: Control | None = None
-    seconds: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class _Model:
-    """The model that moves: a request for one motion of the unchanged file, and all about the log.
-
-    Attributes:
-        columns: of the joints of the log, in v. measured: (k, joints) positions of the log at the recorded steps. first: at its first row.
-    """
-
+    settings: MeasuredSettings
     held: HeldNumbers
-    request: MotionsRequest
-    motion: SimulatedFile
-    columns: tuple[int, ...]
-    places: tuple[int, ...]
-    measured: Array
-    first: Array
+    log: Log
+    gap: Array
+    fits: Sequence[Fit]
+    fit: JointFit
+
+    @property
+    def changes(self) -> dict[DriftCause, list[tuple[Change, float]]]:
+        """The changes of the file that say the numbers of ``fit``, by cause, with their values; none where no attribute alone says one."""
+        told = [(self._changes[place], value) for place, value in self.fit.point.items()]
+        return grouped((DriftCause(sized.change.kind), (sized.change, value)) for sized, value in told if sized is not None)
+
+    @cached_property
+    def _file(self) -> HeldFile:
+        return HeldFile(self.settings.side.path)
+
+    @cached_property
+    def _changes(self) -> Mapping[int, SizedChange | None]:
+        told = {*self.fit.point, *(fit.place for fit in self.fits)}
+        return {place: sized_change(self._file, self.log.numbers[place], self.log.row) for place in told}
+
+    @property
+    def record(self) -> MeasuredRecord:
+        log, way = self.log, float(np.linalg.norm(self.log.way))
+        alike = _Untold(log, self.fit)
+        single = [
+            self._told(one.place, one.value, one.explained, alike.to(one.place, one.value, _significance(log, one, self.fit)))
+            for one in self.fits
+        ]
+        return MeasuredRecord(
+            path=self.settings.side.path.name,
+            log=self.settings.log.name,
+            mover=f"{self.settings.side.engine}, {self.held.integrator}, steps of {self.held.length:g} s",
+            joints=log.joints,
+            seconds=log.seconds,
+            gap=float(np.linalg.norm(self.gap)) / way if way else float("inf"),
+            numbers=tuple(single),
+            together=tuple(self._together(alike)),
+            motions=log.motions,
+        )
+
+    def _together(self, alike: _Untold) -> Iterator[MeasuredNumber]:
+        """The numbers of ``fit``, the one that adds most first."""
+        log, fit = self.log, self.fit
+        square, errors, chances = float(self.gap @ self.gap), standard_errors(fit.columns, fit.left, log.rows), significances(log, fit)
+        places = list(fit.point)
+        own: dict[int, float] = {}
+        for number in np.argsort(-chances, kind="stable").tolist():
+            place = places[number]
+            own[place] = value = fit.point[place]
+            so_far = fit if len(own) == len(places) else at_once(log, own, fit.start, fit.starts)
+            sets = alike.to(place, value, float(chances[number]), [other for other in places if other != place])
+            yield replace(self._told(place, value, 1.0 - so_far.square / square, sets), error=float(errors[number]))
+
+    def _told(self, place: int, value: float, explained: float, sets: Sequence[tuple[int, ...]]) -> MeasuredNumber:
+        number, sized, path = self.log.numbers[place], self._changes[place], self.settings.side.path
+        array, owner = number.key
+        names = [tuple(_name(self.log, other) for other in members) for members in sets]
+        remedy, line = "", ""
+        if sized is not None:
+            written = sized.change.place
+            remedy = f'{written.attribute}="{sized.words(float(f"{value:.4g}"))}"'
+            line = Place(sized.change.path or path, written.line).within(path)
+        return MeasuredNumber(
+            cause=number.cause,
+            owner=number.owner,
+            what=number.what,
+            place=self._file.says(array, owner)[0].told(path) if array else "",
+            value=number.value,
+            fitted=value,
+            explained=explained,
+            alike=tuple(members[0] for members in names if len(members) == 1),
+            groups=tuple(members for members in names if len(members) > 1),
+            remedy=remedy,
+            remedy_place=line,
+        )
 
 
-def measured_drift(settings: MeasuredSettings, move: Callable[[MotionsRequest], Moved], held: HeldNumbers) -> MeasuredRecord:
-    """The record; ``move`` computes motions by the engine that has ``held`` of the file.
+def explained_log(settings: MeasuredSettings, move: Callable[[MotionsRequest], Moved], held: HeldNumbers) -> ExplainedLog:
+    """The numbers that explain a log; ``move`` computes motions by the engine that has ``held`` of the file.
 
     Raises:
         InvalidRequest: the log is none of this model, or the model breaks down.
     """
-    model = _model(settings, held)
-    base = move(replace(model.request, motions=[model.motion]))
-    if not np.isfinite(base.q).all():
-        raise InvalidRequest(f"{settings.side.path.name} breaks down before {settings.log.name} ends; give fewer --seconds")
-    whiten = _whitening(base.mass, model.columns)
-    from_start = _beside(np.array([whiten(moved[:, model.places] - base.q[0][:, model.places]) for moved in _started(model, move)]))
-    gap = from_start(whiten(model.measured - base.q[0][:, model.places]))
-    way = whiten(model.measured - model.first)
-    count, numbers = 1 + len(model.columns), [*held.named, *([DELAY] if model.request.control.names else [])]
-
-    def positions(changed: Sequence[tuple[NamedNumber, float]]) -> Array:
-        nonlocal count
-        count += len(changed)
-        motions = [_changed(model, number, value) for number, value in changed]
-        tracks = _all(move, model.request, motions)
-        return np.array([from_start(whiten(track[:, model.places] - base.q[0][:, model.places])) for track in tracks])
-
-    is_gap = bool(np.linalg.norm(gap) > _NO_GAP * np.linalg.norm(way))
-    fits = _fitted(numbers, gap, positions, _smallest(model)) if is_gap else []
-    best = _likeliest_first(sorted(fits, key=lambda fit: -fit.explained))
-    file = HeldFile(settings.side.path)
-    return MeasuredRecord(
-        path=settings.side.path.name,
-        log=settings.log.name,
-        mover=f"{settings.side.engine}, {held.integrator}, steps of {held.length:g} s",
-        joints=[name for name, (place, _) in columns_of(held.joints).items() if place.start in model.places],
-        seconds=model.motion.counts[-1] * held.length,
-        gap=float(np.linalg.norm(gap) / np.linalg.norm(way)) if way.any() else float("inf"),
-        numbers=tuple(_told(fit, best, file) for fit in best),
-        motions=count,
-    )
+    log = Log(settings, move, held)
+    others = beside(log.effects_of_start({}, log.start))
+    gap = others(log.left([{}], log.start)[0])
+    if not np.linalg.norm(gap) > _NO_GAP * np.linalg.norm(log.way):
+        return ExplainedLog(settings, held, log, gap, [], at_once(log, {}, log.start))
+    fits = _likeliest_first(log, alone(log, others, _FITTED))
+    search = _Search(log, gap)
+    fit = search.fewest(search.needed(search.replaced(search.forward(fits))))
+    if len(fit.point) == 1:
+        # Fitted with the start it is nearer still.
+        [(place, value)] = fit.point.items()
+        explained = 1.0 - fit.square / float(gap @ gap)
+        others_alone = [one for one in fits if one.place != place]
+        fits = [Fit(place, value, fit.columns[0], fit.left, explained), *others_alone]
+    return ExplainedLog(settings, held, log, gap, fits, fit)
 
 
-def _model(settings: MeasuredSettings, held: HeldNumbers) -> _Model:
-    names, times, values = read_table(settings.log, "positions", "joint")
-    if unknown := [name for name in names if name not in held.joints or held.joints[name].sizes != (1, 1)]:
-        expected = ", ".join(name for name, kind in held.joints.items() if kind.sizes == (1, 1))
-        raise InvalidRequest(f"{settings.log} has the column {unknown[0]!r}, which is no hinge or slide of the model; expected {expected}")
-    own = columns_of(held.joints)
-    places, columns = (tuple(own[name][part].start for name in names) for part in range(2))
-    began, times = times[0], times - times[0]
-    last = times[-1] if settings.seconds is None else min(times[-1], settings.seconds)
-    counts = sorted({round(time / held.length) for time in times[times <= last * (1 + 1e-9)]} - {0})
-    if not counts:
-        raise InvalidRequest(f"{settings.log} ends within one step of {held.length:g} s; expected several rows")
-    kept = sorted({counts[round(place)] for place in np.linspace(0, len(counts) - 1, min(_ROWS, len(counts)))})
-    grid = np.array(kept) * held.length
-    measured = np.column_stack([np.interp(grid, times, values[:, column]) for column in range(len(names))])
-    q, v = held.q.copy(), held.v.copy()
-    q[list(places)] = values[0]
-    v[list(columns)] = [_first_velocity(times, positions) for positions in values.T]
-    control = settings.control or Control.constant(held.control)
-    if control.function is None:
-        # Both tables are of one clock.
-        control = replace(control, times=control.times - began)
-    control = acting(control, list(held.control), held.servos, kept[-1] * held.length)
-    motion = SimulatedFile(settings.side.file, {}, settings.side.timing(held.length), tuple(kept))
-    request = MotionsRequest((), tuple(held.joints), q, v, control)
-    return _Model(held, request, motion, columns, places, measured, values[0])
+class _Search:
+    """The numbers that explain a log at once."""
+
+    def __init__(self, log: Log, gap: Array) -> None:
+        self._log, self._square = log, float(gap @ gap)
+
+    def forward(self, fits: Sequence[Fit]) -> JointFit:
+        """Numbers one by one, each the one that explains most beside those before it, until what is left is noise."""
+        fit = at_once(self._log, {}, self._log.start)
+        while not self._is_noise(fit) and len(fit.point) < _MOST and (fits := self._next(fit) if fit.point else fits):
+            fit = self._with(fit, fits)
+        return fit
+
+    def replaced(self, fit: JointFit) -> JointFit:
+        """The same with others in place of numbers, one by one, as long as that leaves less than white noise would."""
+        places, unchanged = list(fit.point), 0
+        while len(places) > 1 and unchanged < len(places) and not self._is_noise(fit):
+            place = places[unchanged]
+            rest = self._without(fit, place)
+            fits = [one for one in self._next(rest) if one.place != place]
+            tried = self._with(rest, fits) if fits else fit
+            if fit.square - tried.square > _threshold(self._log, tried) ** 2 * tried.variance:
+                fit, places, unchanged = tried, list(tried.point), 0
+            else:
+                unchanged += 1
+        return fit
+
+    def needed(self, fit: JointFit) -> JointFit:
+        """The same without each number that noise may make, the least significant one first."""
+        while fit.point:
+            chances = significances(self._log, fit)
+            least = int(np.argmin(chances))
+            if chances[least] > _threshold(self._log, fit):
+                break
+            fit = self._without(fit, list(fit.point)[least])
+        return fit
+
+    def fewest(self, fit: JointFit) -> JointFit:
+        """A fit of fewer numbers, others among them, that leaves noise as well."""
+        while len(fit.point) > 2 and self._is_noise(fit):
+            least = list(fit.point)[int(np.argmin(significances(self._log, fit)))]
+            fewer = self.needed(self.replaced(self._without(fit, least)))
+            if not self._is_noise(fewer):
+                break
+            fit = fewer
+        return fit
+
+    def _is_noise(self, fit: JointFit) -> bool:
+        """True where next to nothing is left, rounding is felt in it, or it is white, so that nothing more is claimed of it."""
+        return fit.square <= _LEAST_LEFT * self._square or self._log.is_rounding(fit.left) or is_white(fit.left, self._log.rows)
+
+    def _next(self, fit: JointFit) -> Sequence[Fit]:
+        return _likeliest_first(self._log, further(self._log, fit, _FITTED_BESIDE))
+
+    def _with(self, fit: JointFit, fits: Sequence[Fit]) -> JointFit:
+        return at_once(self._log, {**fit.point, fits[0].place: fits[0].value}, fit.start, fit.starts)
+
+    def _without(self, fit: JointFit, place: int) -> JointFit:
+        return at_once(self._log, {other: value for other, value in fit.point.items() if other != place}, fit.start, fit.starts)
 
 
-def _first_velocity(times: Array, positions: Array) -> float:
-    """That of the parabola through the first row that is nearest to those behind it; a difference of two rows is half a step late."""
-    few = slice(1, _FIRST_ROWS)
-    t, moved = times[few], positions[few] - positions[0]
-    return float(np.linalg.lstsq(np.column_stack([t, t**2]), moved)[0][0]) if len(t) > 1 else float(moved[0] / t[0])
+def _threshold(log: Log, fit: JointFit) -> float:
+    return threshold(len(log.numbers), log.rows, len(fit.point))
 
 
-def _whitening(mass: Array, columns: Sequence[int]) -> Callable[[Array], Array]:
-    """Positions (k, joints) in the kinetic-energy norm of these joints, as one vector."""
-    factors = np.linalg.cholesky(mass[np.ix_(range(len(mass)), columns, columns)])
-    return lambda positions: np.einsum("kji,kj->ki", factors, positions).ravel()
-
-
-def _started(model: _Model, move: Callable[[MotionsRequest], Moved]) -> list[Array]:
-    """Motions that start with another velocity of one joint of the log."""
-    found = []
-    for column in model.columns:
-        v = model.request.v.copy()
-        v[column] += _VELOCITY_CHANGE
-        found += _all(move, replace(model.request, v=v), [model.motion])
-    return found
-
-
-def _beside(effects: Array) -> Callable[[Array], Array]:
-    """A vector without its part that effects (m, n) make together: velocities at the start are not measured."""
-    basis = np.linalg.qr(effects[np.isfinite(effects).all(axis=1)].T)[0]
-    return lambda vector: vector - basis @ (basis.T @ vector)
-
-
-def _changed(model: _Model, number: NamedNumber, value: float) -> SimulatedFile:
-    if number is DELAY:
-        return replace(model.motion, timing=replace(model.motion.timing, delay=model.motion.timing.delay + value))
-    rows = {key: row for own in model.held.by_cause.values() for key, row in own.items() if key in number.directions}
-    return replace(model.motion, over={key: rows[key] + (value - number.value) * part for key, part in number.directions.items()})
-
-
-def _all(move: Callable[[MotionsRequest], Moved], request: MotionsRequest, motions: Sequence[SimulatedFile]) -> list[Array]:
-    return list(move(replace(request, motions=motions)).q) if motions else []
-
-
-def _smallest(model: _Model) -> Callable[[NamedNumber], float]:
-    """The change of a number by which its effect is computed."""
-
-    def change(number: NamedNumber) -> float:
-        return model.held.length if number is DELAY else _CHANGE * abs(number.value) or number.natural
-
-    return change
-
-
-@dataclass(eq=False)
-class _Fit:
-    number: NamedNumber
-    value: float
-    effect: Array
-    explained: float
-
-
-def _fitted(
-    numbers: Sequence[NamedNumber],
-    gap: Array,
-    positions: Callable[[Sequence[tuple[NamedNumber, float]]], Array],
-    change: Callable[[NamedNumber], float],
-) -> list[_Fit]:
-    """The numbers that explain most along their effects, each at the value at which its motion is nearest."""
-    first = positions([(number, number.value + change(number)) for number in numbers])
-    fits = [
-        _Fit(number, number.value, moved / change(number), 0.0)
-        for number, moved in zip(numbers, first, strict=True)
-        if np.isfinite(moved).all() and moved.any()
-    ]
-    # Friction and limits of forces bend what a number does: its multiples are tried beside its derivative.
-    scanned = [(fit, factor * fit.number.value) for fit in fits for factor in _FACTORS if fit.number.value]
-    nearest = {id(fit): (_along(fit.effect, gap) ** 2, fit.value) for fit in fits}
-    for (fit, value), moved in zip(scanned, positions([(fit.number, value) for fit, value in scanned]), strict=True):
-        explained = 1.0 - float((gap - moved) @ (gap - moved) / (gap @ gap))
-        if explained > nearest[id(fit)][0]:
-            nearest[id(fit)] = explained, value
-    fits = sorted(fits, key=lambda fit: -nearest[id(fit)][0])[:_FITTED]
-    left = {id(fit): gap for fit in fits}
-
-    def take(tried: Sequence[tuple[_Fit, float]]) -> list[bool]:
-        """Move with other values, and keep each that leaves less."""
-        found = positions([(fit.number, at) for fit, value in tried for at in (value, value + change(fit.number))])
-        taken = []
-        for (fit, value), moved, further in zip(tried, found[::2], found[1::2], strict=True):
-            residual = gap - moved
-            explained = 1.0 - float(residual @ residual / (gap @ gap)) if np.isfinite(moved).all() else -np.inf
-            taken.append(explained > fit.explained)
-            if taken[-1]:
-                fit.value, fit.explained, left[id(fit)] = value, explained, residual
-                effect = (further - moved) / change(fit.number)
-                fit.effect = effect if np.isfinite(effect).all() and effect.any() else fit.effect
-        return taken
-
-    take([(fit, nearest[id(fit)][1]) for fit in fits])
-    parts = np.ones(len(fits))
-    for _ in range(_ITERATIONS):
-        steps = [part * float(fit.effect @ left[id(fit)] / (fit.effect @ fit.effect)) for fit, part in zip(fits, parts, strict=True)]
-        taken = take([(fit, max(fit.value + step, fit.number.least)) for fit, step in zip(fits, steps, strict=True)])
-        parts = np.where(taken, 1.0, parts / 4)
-    return fits
-
-
-def _along(one: Array, other: Array) -> float:
-    """Cosine of the angle between two vectors."""
-    return float(one @ other / (np.linalg.norm(one) * np.linalg.norm(other)))
-
-
-def _are_alike(one: _Fit, other: _Fit) -> bool:
-    """True where the log does not tell two numbers apart."""
-    return abs(one.explained - other.explained) <= 1 - PARALLEL**2 and abs(_along(one.effect, other.effect)) >= PARALLEL
-
-
-def _likeliest_first(fits: list[_Fit]) -> list[_Fit]:
+def _likeliest_first(log: Log, fits: Sequence[Fit]) -> Sequence[Fit]:
     """The same, of those that explain as much as the first the one before all others that changes least relative to itself."""
 
-    def change(fit: _Fit) -> float:
-        return abs(fit.value / fit.number.value - 1) if fit.number.value else np.inf
+    def change(fit: Fit) -> float:
+        own = log.numbers[fit.place].value
+        return abs(fit.value / own - 1) if own else np.inf
 
     likeliest = min((fit for fit in fits if fits[0].explained - fit.explained <= _AS_MUCH), key=change, default=None)
     return sorted(fits, key=lambda fit: fit is not likeliest)
 
 
-def _told(fit: _Fit, fits: Sequence[_Fit], file: HeldFile) -> MeasuredNumber:
-    array, owner = fit.number.key
-    place = file.says(array, owner)[0].told(file.path) if array else ""
-    alike = [other for other in fits if other is not fit and _are_alike(fit, other)]
-    return MeasuredNumber(
-        cause=fit.number.cause,
-        owner=fit.number.owner,
-        what=fit.number.what,
-        place=place,
-        value=fit.number.value,
-        fitted=fit.value,
-        explained=fit.explained,
-        alike=tuple(" of ".join(filter(None, (other.number.what, other.number.owner))) for other in alike),
-    )
+def _significance(log: Log, one: Fit, fit: JointFit) -> float:
+    """The change of a number alone in its standard errors, by the noise that a fit leaves."""
+    error = standard_errors(beside(fit.starts)(one.effect)[None], fit.left, log.rows)[0]
+    return abs(one.value - log.numbers[one.place].value) / error if error else np.inf
+
+
+def _name(log: Log, place: int) -> str:
+    number = log.numbers[place]
+    return " of ".join(filter(None, (number.what, number.owner)))
+
+
+class _Untold:
+    """Sets of numbers that do what a number does, by the derivatives at a fit."""
+
+    def __init__(self, log: Log, fit: JointFit) -> None:
+        self._log, self._fit = log, fit
+        self._slopes = log.slopes(fit.point, fit.start)
+
+    def to(self, place: int, value: float, significance: float, others: Sequence[int] = ()) -> list[tuple[int, ...]]:
+        """Those that the log does not tell from a number at a value, so many standard errors from the file's, ``others`` fitted with it."""
+        beside_these = beside(np.vstack([self._fit.starts, *(self._slopes[other][0][None] for other in others if other in self._slopes)]))
+        columns: dict[int, EffectColumn] = {}
+        for own, (slope, wider) in self._slopes.items():
+            values, beyond = beside_these(np.array([slope, wider]))
+            # Of a column of which less is certain nothing is claimed.
+            if own not in others and values.any() and (noise := np.linalg.norm(beyond - values) / np.linalg.norm(values)) <= CERTAIN:
+                columns[own] = EffectColumn(values.reshape(self._log.rows, -1), float(noise))
+        if place not in columns:
+            # The others may do the same.
+            return self.to(place, value, significance) if others else []
+        own_places, change = list(columns), value - self._log.numbers[place].value
+        unknown = _threshold(self._log, self._fit) / significance if significance else np.inf
+        if unknown >= 1.0:
+            # Noise may make it.
+            return []
+
+        def is_possible(factors: Mapping[int, float]) -> bool:
+            """True where one number may have such a value; of several, which bend what they do, only a motion would tell."""
+            [(one, factor), *others] = factors.items()
+            number = self._log.numbers[own_places[one]]
+            return bool(others) or self._log.value(self._fit.point, own_places[one]) + factor * change >= number.least
+
+        found = alternatives(list(columns.values()), own_places.index(place), unknown, is_possible)
+        return [tuple(own_places[one] for one in members) for members in found]

@@ -7,18 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from harness.arrays import Array
-from harness.comparison.gap import OWN_RULES, advanced
+from harness.comparison.gap import OWN_RULES, advanced, in_their_order, refuse_own_frames
 from harness.comparison.robot_library import robot_at
 from harness.drifts.plan import MovingSide
 from harness.engines import Engine
 from harness.engines.loaded_file import LoadedFile
 from harness.engines.moving import HeldNumbers, MotionsRequest, Moved, MovedFile, NumberKey, SimulatedFile
-from harness.engines.request import AskedJoint, in_columns
-from harness.engines.tree_request import asked_joints
+from harness.engines.request import AskedJoint
 from harness.errors import InvalidRequest
 from harness.explain.meant import request_of
 from harness.files.findings import EQUALITIES, FRICTION, LIMITS
@@ -56,25 +56,19 @@ def stepped(engine: Engine, request: MotionsRequest) -> Moved:
     for motion in request.motions:
         loaded, joints = _loaded(engine, motion.file)
         assert not motion.over and motion.file.length is not None
-        by_name = {joint.name: joint for joint in joints}
-        own = {joint.name: joint for joint in in_columns([by_name[name] for name in request.joints])}
-        positions = [place for joint in joints for place in own[joint.name].positions]
-        velocities = [place for joint in joints for place in own[joint.name].velocities]
         rule = replace(_rule(engine, motion.file.integrator), length=motion.file.length)
-        q, v = _track((loaded, joints), (request.q[positions], request.v[velocities]), rule, motion)
-        found_q, found_v = np.empty_like(q), np.empty_like(v)
-        found_q[:, positions], found_v[:, velocities] = q, v
-        tracks.append((found_q, found_v))
+        move = partial(_track, (loaded, joints), rule, motion)
+        tracks.append(in_their_order(request.joints, joints, (request.q, request.v), move))
     found = [np.array([track[part] for track in tracks]) for part in range(2)]
     return Moved(found[0], found[1], np.empty(0))
 
 
 def _track(
-    loaded: tuple[LoadedFile, Sequence[AskedJoint]], start: tuple[Array, Array], rule: StepRule, motion: SimulatedFile
+    loaded: tuple[LoadedFile, Sequence[AskedJoint]], rule: StepRule, motion: SimulatedFile, q: Array, v: Array
 ) -> tuple[Array, Array]:
     generator = np.random.default_rng(motion.rounding) if motion.rounding else None
     track: tuple[list[Array], list[Array]] = ([], [])
-    (q, v), done = start, 0
+    done = 0
     for until in motion.counts:
         for _ in range(1 if generator is None else until - done):
             q, v = advanced(*loaded, q, v, rule, until - done if generator is None else 1)
@@ -94,8 +88,7 @@ def _rule(engine: Engine, name: str) -> StepRule:
 def _loaded(engine: Engine, file: MovedFile) -> tuple[LoadedFile, Sequence[AskedJoint]]:
     robot = robot_at(file.path)
     request = request_of(robot, Stance.PLAIN)
-    if not all(joint.is_measured_in_the_world for joint in asked_joints(robot.tree)):
-        raise InvalidRequest(f"{file.path.name} measures a free joint in a frame of its own; put it into the world")
+    refuse_own_frames(file.path, robot.tree)
     loaded = engine.read(request)
     if lacking := [joint.name for joint in request.joints if joint.name not in [one.name for one in loaded.found]]:
         raise InvalidRequest(f"{engine.name} reads no joint {lacking[0]!r} from {file.path.name}")

@@ -6,11 +6,12 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from harness.comparison.robot_library import RobotLibrary
 from harness.drifts.lines import Told, differences_of
-from harness.drifts.measured import MeasuredSettings, measured_drift
+from harness.drifts.log import MeasuredSettings
+from harness.drifts.measured import ExplainedLog, explained_log
 from harness.drifts.plan import DriftSettings, HeldSides, MovingSide, Plan, aligned, chunks, plan_of, told_places
 from harness.drifts.shares import Track, drift_of
 from harness.drifts.stepped import stepped, without_what_is_not_applied
@@ -29,13 +30,15 @@ from harness.workers import Task
 
 # Motions of a task: a request to another process costs what a step does.
 _OF_A_TASK = 64
+_Settings = TypeVar("_Settings")
 
 
-class _DriftOfOne(Study):
+class _DriftOfOne(Study, Generic[_Settings]):
     """A drift as one inquiry."""
 
-    def __init__(self) -> None:
+    def __init__(self, settings: _Settings) -> None:
         super().__init__(Drifts())
+        self.settings: _Settings = settings
 
     def inquiries(self) -> Iterator[Iterable[Inquiry[None]]]:
         yield [self._drift()]
@@ -45,14 +48,10 @@ class _DriftOfOne(Study):
         """Find the drift."""
 
 
-class DriftStudy(_DriftOfOne):
+class DriftStudy(_DriftOfOne[DriftSettings]):
     """The gap between two motions, and what it is due to."""
 
     title, steps = "drift", 3
-
-    def __init__(self, settings: DriftSettings) -> None:
-        super().__init__()
-        self.settings = settings
 
     def _drift(self) -> Inquiry[None]:
         prepared = yield from ask(call, prepare, self.settings)
@@ -69,14 +68,10 @@ class DriftStudy(_DriftOfOne):
         yield self.kept("shares", Drifts(drifts=[made.drift([outcome.value for outcome in outcomes])]))
 
 
-class MeasuredStudy(_DriftOfOne):
+class MeasuredStudy(_DriftOfOne[MeasuredSettings]):
     """A measured log, and the numbers of a model that would explain it."""
 
     title, steps = "drift from a log", 1
-
-    def __init__(self, settings: MeasuredSettings) -> None:
-        super().__init__()
-        self.settings = settings
 
     def _drift(self) -> Inquiry[None]:
         found = yield from ask(call, measured_from, self.settings)
@@ -196,13 +191,18 @@ def prepare(settings: DriftSettings, here: bool = False) -> PreparedDrift:
 
 
 def measured_from(settings: MeasuredSettings, here: bool = False) -> MeasuredRecord:
-    """The numbers that would explain a log.
+    """The numbers that would explain a log; raises as ``explained_from``."""
+    return explained_from(settings, here).record
+
+
+def explained_from(settings: MeasuredSettings, here: bool = False) -> ExplainedLog:
+    """The same with the changes of the file.
 
     Raises:
-        InvalidInput, InvalidRequest: as ``prepare``, and as ``measured_drift``.
+        InvalidInput, InvalidRequest: as ``prepare``, and as ``explained_log``.
     """
     engine = settings.side.engine
-    return measured_drift(settings, partial(moved, engine, here=here), _held(_engine(engine, here), settings.side))
+    return explained_log(settings, partial(moved, engine, here=here), _held(_engine(engine, here), settings.side))
 
 
 def moved(engine: str, request: MotionsRequest, here: bool = False) -> Moved:

@@ -5,17 +5,15 @@ refuses one direction, or the exact one of the certified truth. It is whitened: 
 and divided by the data roundoff of its state, so that a column times a change of 1 counts data roundoffs, and residuals of all states
 and coordinates weigh alike.
 
-No acceleration distinguishes values whose columns are parallel. Of k columns of rank r, accelerations depend on r combinations only: the
-base parameters of identification theory.
+Values that no answer distinguishes are told by ``harness.explain.identifiable``.
 
-Sources: Khalil, Dombre, Modeling, Identification and Control of Robots (2002), chapter 12, on the observation matrix, and chapter 9;
-Gautier, Numerical calculation of the base inertial parameters of robots, Journal of Robotic Systems 8 (1991).
+Source: Khalil, Dombre, Modeling, Identification and Control of Robots (2002), chapter 12, on the observation matrix.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
@@ -25,6 +23,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.engines import Calls, Engine, Model, Unsupported, asked_accelerations_and_gaps, loaded_and_asked
 from harness.explain.changes import NUMBER, Change
+from harness.explain.identifiable import SAFETY, EffectColumn
 from harness.files.model_file import ModelFile
 from harness.files.text.scan import TextPlace, Watch
 from harness.programs.mechanisms.mechanism import Mechanism
@@ -43,8 +42,6 @@ HELD_OUT_OF = 3
 # What two answers of a sound engine differ by, in data roundoffs, and the error of second order of a difference.
 ROUNDOFFS = 4.0
 SECOND_ORDER = 1e-8
-# The noise of columns is an estimate.
-SAFETY = 4.0
 # Of the first difference, from which on the second tells that answers bend within the step, and the most states that do so by themselves.
 BENT, MOST_BENT = 0.1, 0.25
 
@@ -153,27 +150,14 @@ def derivative(answer: Callable[[str], Array | None], text: Callable[[float], st
 
 
 @dataclass(frozen=True)
-class ChangeColumn:
+class ChangeColumn(EffectColumn):
     """One change with a value on which some answer depends, and what the value does.
 
-    Attributes:
-        values: whitened derivative of the answers by the value, (rows, size) [data roundoffs per unit of the value].
-        noise: what rounding and the second order leave uncertain in the column's direction, relative to its norm.
+    ``values``: whitened derivative of the answers by the value [data roundoffs per unit of the value]. ``noise``: what rounding and the
+    second order leave uncertain.
     """
 
     change: Change
-    values: Array
-    noise: float
-
-    @cached_property
-    def norm(self) -> float:
-        """Euclidean norm over all states and coordinates."""
-        return float(np.linalg.norm(self.values))
-
-    @cached_property
-    def direction(self) -> Array:
-        """The column as a vector of length 1."""
-        return self.values.ravel() / self.norm
 
 
 def without_bent(
@@ -224,7 +208,7 @@ def find_columns(
         values[~np.isfinite(values).all(axis=1)] = 0.0
         if float(np.linalg.norm(values, axis=1).max()) * step > AGREEMENT:
             noise = ROUNDOFFS * math.sqrt(values.shape[0]) / (step * float(np.linalg.norm(values))) + SECOND_ORDER
-            found.append(ChangeColumn(change, values, noise))
+            found.append(ChangeColumn(values, noise, change))
     return found
 
 
@@ -239,65 +223,3 @@ def parameter_derivatives(kernel: ReferenceKernel, states: States, reference: Re
     with np.errstate(all="ignore"):
         slopes = np.linalg.solve(factor, np.linalg.solve(factor.transpose(0, 2, 1), forces))
     return np.where(reference.certified[:, None], slopes.transpose(2, 0, 1), np.nan)
-
-
-def are_parallel(first: ChangeColumn, second: ChangeColumn) -> bool:
-    """True where no acceleration distinguishes the two values, to the noise of the columns."""
-    cosine = float(first.direction @ second.direction)
-    sine = float(np.linalg.norm(first.direction - cosine * second.direction))
-    return sine <= SAFETY * (first.noise + second.noise)
-
-
-@dataclass(frozen=True)
-class BaseParameters:
-    """The rank and the dependencies of k columns.
-
-    Attributes:
-        rank: number of combinations of the k values that accelerations feel.
-        combinations: place of each column that others span to the places of those that it is a combination of, with factors:
-            a change of 1 of its value does what these changes of theirs do.
-    """
-
-    rank: int
-    combinations: Mapping[int, Mapping[int, float]]
-
-    def together_with(self, place: int) -> set[int]:
-        """Places of the smallest set of values whose changes together do what a change of this one does; empty for none."""
-        if place in self.combinations:
-            return set(self.combinations[place])
-        sets = [{*parts, other} - {place} for other, parts in self.combinations.items() if place in parts]
-        return min(sets, key=len, default=set())
-
-
-def base_parameters(columns: Sequence[ChangeColumn]) -> BaseParameters:
-    """Rank and dependencies of the columns, by QR factorisation with column pivoting of the columns scaled to length 1.
-
-    Source: Gautier (1991), section 3; Golub, Van Loan, Matrix Computations, 4th ed., sections 5.2.8 and 5.4.2.
-    """
-    if not columns:
-        return BaseParameters(0, {})
-    # By the modified process of Gram and Schmidt: libraries start threads for it that busy processors keep waiting.
-    rest = np.stack([column.direction for column in columns], axis=1)
-    # What rounding leaves of a column that is a combination of others.
-    left = SAFETY * float(np.linalg.norm([column.noise for column in columns]))
-    base: list[int] = []
-    rows: list[Array] = []
-    while len(base) < min(rest.shape):
-        lengths = np.sqrt((rest * rest).sum(axis=0))
-        pivot = int(lengths.argmax())
-        if lengths[pivot] <= left:
-            break
-        direction = rest[:, pivot] / lengths[pivot]
-        rows.append((direction[:, None] * rest).sum(axis=0))
-        rest = rest - direction[:, None] * rows[-1]
-        base.append(pivot)
-    upper = np.array(rows).reshape(len(base), len(columns))
-    others = [place for place in range(len(columns)) if place not in base]
-    factors = np.linalg.solve(upper[:, base], upper[:, others]) if base and others else np.zeros((len(base), len(others)))
-    combinations = {}
-    for number, place in enumerate(others):
-        parts = zip(base, factors[:, number].tolist(), strict=True)
-        combinations[place] = {
-            row: factor * columns[place].norm / columns[row].norm for row, factor in parts if abs(factor) > math.sqrt(left)
-        }
-    return BaseParameters(len(base), combinations)

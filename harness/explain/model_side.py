@@ -16,8 +16,9 @@ from harness.arrays import Array
 from harness.explain.changes import NUMBER, Change
 from harness.explain.changes.mistakes import mended_mistakes
 from harness.explain.changes.numbers import INERTIAS, numeric_changes
-from harness.explain.columns import DIFFERENCE, BaseParameters, ChangeColumn, base_parameters, derivative, find_columns, without_bent
+from harness.explain.columns import DIFFERENCE, ChangeColumn, derivative, find_columns, without_bent
 from harness.explain.fit import Projection, explaining_directions
+from harness.explain.identifiable import BaseParameters, base_parameters
 from harness.explain.result import Diagnosis, Finding, TriedChange, to_four_digits
 from harness.explain.search import DEFAULT_LIMITS, ChangeSearch, Limits, Side, Tried
 from harness.files.lint.formats import LEAST

@@ -23,8 +23,9 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.explain.changes import NUMBER, PARAMETER, Change
-from harness.explain.columns import ChangeColumn, Whitening, are_parallel, held_out
+from harness.explain.columns import ChangeColumn, Whitening, held_out
 from harness.explain.fit import as_well, fit, screen, shortest_decimal
+from harness.explain.identifiable import are_parallel
 from harness.explain.result import Diagnosis, Finding, TriedChange, digits_of
 from harness.truth.compare import Certified, compare
 from harness.verdict import AGREEMENT, Verdict

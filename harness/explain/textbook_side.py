@@ -86,7 +86,7 @@ class TextbookSide(Side):
     def columns(self, count: int | None = None) -> list[ChangeColumn]:
         """At the truth's own values, of the first ``count`` parameters, those that some acceleration depends on."""
         slopes = self._slopes(self.truth, self._mechanism.parameter_values)
-        columns = [ChangeColumn(change, values, ROUNDING) for change, values in zip(self.changes[:count], slopes, strict=False)]
+        columns = [ChangeColumn(values, ROUNDING, change) for change, values in zip(self.changes[:count], slopes, strict=False)]
         of_states = frozenset() if self._mechanism.actuation is None else self._mechanism.actuation.own
         return [column for place, column in enumerate(columns) if column.norm > 0 and place not in of_states]
 

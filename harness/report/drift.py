@@ -33,6 +33,8 @@ def drift_sections(found: Drifts, detail: Detail = Detail.BRIEF) -> Iterator[Sec
     for measured in found.measured:
         yield Section(measured.sentence, is_answer=True)
         table, others = measured.table(detail)
-        note = f"{measured.motions} motions by {measured.mover}; each number alone, of {', '.join(measured.joints)}."
+        note = f"{measured.motions} motions by {measured.mover}, held against {', '.join(measured.joints)}."
+        if measured.together:
+            yield Section("The numbers that explain the gap at once", [measured.joint_table])
         if measured.numbers:
             yield Section("What one number would explain of the gap", [table, note, *filter(None, [others])])

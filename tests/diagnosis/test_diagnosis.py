@@ -29,14 +29,13 @@ from harness.explain.changes.numbers import numeric_changes
 from harness.explain.columns import (
     ChangeColumn,
     Whitening,
-    are_parallel,
-    base_parameters,
     diagnostic_states,
     find_columns,
     held_out,
     watch,
 )
 from harness.explain.fit import fit, shortest_decimal
+from harness.explain.identifiable import are_parallel, base_parameters
 from harness.explain.model_side import diagnose
 from harness.explain.result import Diagnosis, Finding
 from harness.explain.search import Limits, Tried, best_first

@@ -6,9 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from harness.comparison.robot_library import RobotLibrary
 from harness.drifts.plan import DriftSettings, MovingSide
 from harness.drifts.study import PreparedDrift, drift_here, prepare
-from harness.explain.changes.held import HeldFile
+from harness.engines import load_engine
+from harness.engines.moving import HeldNumbers, NamedNumber
+from harness.explain.changes.held import HeldFile, SizedChange, sized_change
 from harness.results.cause import DriftCause
 
 ROBOT = """<mujoco model="arm">
@@ -206,3 +209,69 @@ def test_a_link_that_is_fixed_to_another_is_told_by_its_own_line(tmp_path: Path)
     assert "(b.urdf line 11: value 0.6; a.urdf line 11: value 0.2" in record.sentence and "body tool" in " ".join(record.lines)
     (tmp_path / "b.urdf").write_text(change.text(0.0))
     assert not any(drift_here(made.settings).of_positions)
+
+
+# The number of a compiled file, the words by which it is found there, its attribute with its line, and its text with another value.
+NUMBERS = {
+    "one that is written": ("damping of joint elbow", {"elbow": 'damping="1"'}, 3.0, ("damping", 10), "3"),
+    "one of a class": ("armature of joint elbow", {}, 0.02, ("armature", 10), "0.02"),
+    "one that nothing says": ("frictionloss of joint shoulder", {}, 0.5, ("frictionloss", 14), "0.5"),
+    "one of three": ("centre of mass z of body 2", {"inertial": INERTIAL}, -0.2, ("pos", 12), "0 0 -0.2"),
+    "a moment of three": ("moment of inertia y of body 2", {"inertial": INERTIAL}, 0.009, ("diaginertia", 12), "0.01 0.009 0.002"),
+    "a range of both signs": ("forcerange of actuator 0", {"servo": 'forcerange="-3.5 3.5"'}, 2.0, ("forcerange", 18), "-2 2"),
+    "a gain of two numbers": ("kp of actuator 0", {"servo": 'kp="30" kv="1"'}, 50.0, ("kp", 18), "50"),
+    "a gain that is negative in the engine": ("kv of actuator 0", {"servo": 'kv="1"'}, 2.5, ("kv", 18), "2.5"),
+}
+
+
+@pytest.mark.parametrize("case", NUMBERS)
+def test_a_number_of_an_engine_is_a_change_of_its_attribute(tmp_path: Path, case: str) -> None:
+    name, words, value, where, text = NUMBERS[case]
+    file = tmp_path / "a.xml"
+    # A damping ratio would follow the inertia.
+    file.write_text(ROBOT.format(**{**PLAIN, "servo": 'kv="1"', **words}))
+    sized = sized_of(file, name)
+    assert sized is not None
+    change = sized.change
+    assert ((change.place.attribute, change.place.line), sized.words(value)) == (where, text)
+    assert change.start is not None
+    before = held(file)
+    for written in (change.start, value):
+        file.write_text(change.text(written))
+        [number] = [one for one in held(file).named if name_of(one) == name]
+        assert number.value == pytest.approx(written, rel=1e-12)
+        after = {key: row for own in held(file).by_cause.values() for key, row in own.items()}
+        differing = {key for own in before.by_cause.values() for key in own if (own[key] != after[key]).any()}
+        assert differing == (set() if written == change.start else set(number.directions))
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("kv of actuator 0", {}),
+        ("mass of body 2", {}),
+        (
+            "moment of inertia x of body 2",
+            {"inertial": INERTIAL.replace('diaginertia="0.01 0.01 0.002', 'fullinertia="0.01 0.01 0.002 0 0 0')},
+        ),
+    ],
+    ids=["a damping ratio", "a mass that follows from geoms", "moments in another order"],
+)
+def test_a_number_that_no_attribute_says_is_no_change(tmp_path: Path, name: str, words: dict[str, str]) -> None:
+    (tmp_path / "a.xml").write_text(ROBOT.format(**{**PLAIN, **words}))
+    assert sized_of(tmp_path / "a.xml", name) is None
+
+
+def held(file: Path) -> HeldNumbers:
+    return load_engine(RobotLibrary.without_files(), "mujoco").held_numbers(MovingSide(file).file)
+
+
+def name_of(number: NamedNumber) -> str:
+    return f"{number.what} of {number.owner}"
+
+
+def sized_of(file: Path, name: str) -> SizedChange | None:
+    numbers = held(file)
+    rows = {key: row for own in numbers.by_cause.values() for key, row in own.items()}
+    [number] = [one for one in numbers.named if name_of(one) == name]
+    return sized_change(HeldFile(file), number, rows.__getitem__)

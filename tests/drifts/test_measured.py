@@ -14,11 +14,13 @@ from drifting import ARM, HOPPER
 from support import harness
 
 import harness as api
-from harness.drifts.measured import DELAY, MeasuredSettings
+from harness.drifts.log import DELAY, MeasuredSettings
+from harness.drifts.measured import ExplainedLog
 from harness.drifts.plan import MovingSide
-from harness.drifts.study import measured_from
+from harness.drifts.study import explained_from, measured_from
 from harness.engines.moving import Control
 from harness.errors import InvalidRequest
+from harness.results.cause import DriftCause
 from harness.results.measured import MeasuredRecord
 
 ARM_JOINTS = [f"joint{number}" for number in range(6)]
@@ -30,33 +32,51 @@ PENDULUM = """<mujoco><option timestep="0.002"/><worldbody><body name="rod">
 </body></worldbody>
 <actuator><motor name="drive" joint="pin"/></actuator><keyframe><key qpos="1"/></keyframe></mujoco>"""
 
+# Two joints, each with an actuator of its own.
+ARM_OF_TWO = """<mujoco><option timestep="0.002"/><worldbody><body name="upper">
+<joint name="shoulder" axis="0 1 0" damping="0.1" armature="0.02"/>
+<inertial pos="0 0 -0.2" mass="0.8" diaginertia="0.01 0.01 0.002"/>
+<body name="fore" pos="0 0 -0.4"><joint name="elbow" axis="0 1 0" damping="0.05" armature="0.01"/>
+<inertial pos="0.02 0 -0.15" mass="0.5" diaginertia="0.004 0.004 0.001"/></body></body></worldbody>
+<actuator><motor name="drive" joint="shoulder"/><position name="servo" joint="elbow" kp="5" kv="0.2"/></actuator>
+<keyframe><key qpos="1 -0.5"/></keyframe></mujoco>"""
+NOISE = 1e-4
+
 
 def control_of(names: list[str], seconds: float) -> Control:
     times = np.arange(0.0, seconds, 0.002)
     return Control(tuple(names), times, np.column_stack([0.6 * np.sin(2 * times + number) for number in range(len(names))]))
 
 
-def measure(path: Path, text: str, control: Control, seconds: float, delay: float = 0.0) -> None:
-    """A log of all joints each fifth step, of MuJoCo alone."""
+def measure(path: Path, text: str, control: Control, seconds: float, delay: float = 0.0, noise: tuple[float, int] = (0.0, 0)) -> None:
+    """A log of all joints each fifth step, of MuJoCo alone, with ``noise`` of a size and a seed."""
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, number) for number in range(model.njnt)]
-    rows = [",".join(["time", *names])]
+    rows, size, generator = [",".join(["time", *names])], noise[0], np.random.default_rng(noise[1])
     for step in range(round(seconds / model.opt.timestep) + 1):
         if step % 5 == 0:
-            rows.append(",".join(map(repr, [step * model.opt.timestep, *data.qpos.tolist()])))
+            measured = data.qpos + size * generator.standard_normal(model.nq)
+            rows.append(",".join(map(repr, [step * model.opt.timestep, *measured.tolist()])))
         data.ctrl[:] = control.held_at(np.array([max(step * model.opt.timestep - delay, 0.0)]))[0]
         mujoco.mj_step(model, data)
     path.write_text("\n".join(rows))
 
 
+def explained(
+    folder: Path, text: str, real: str, names: list[str], seconds: float = 1.0, disturbed: tuple[float, int] = (0.0, 0)
+) -> ExplainedLog:
+    """What is found in a log of ``real`` beside ``text``, ``disturbed`` by a delay and by noise of a seed, 0 for none."""
+    (folder / "model.xml").write_text(text)
+    control, (delay, seed) = control_of(names, seconds), disturbed
+    measure(folder / "log.csv", real, control, seconds, delay, (NOISE if seed else 0.0, seed))
+    return explained_from(MeasuredSettings(MovingSide(folder / "model.xml"), folder / "log.csv", control), here=True)
+
+
 def found(folder: Path, text: str, real: str, names: list[str], delay: float = 0.0, seconds: float = 1.0) -> MeasuredRecord:
     assert text != real or delay
-    (folder / "model.xml").write_text(text)
-    control = control_of(names, seconds)
-    measure(folder / "log.csv", real, control, seconds, delay)
-    return measured_from(MeasuredSettings(MovingSide(folder / "model.xml"), folder / "log.csv", control), here=True)
+    return explained(folder, text, real, names, seconds, (delay, 0)).record
 
 
 @pytest.mark.ci
@@ -100,6 +120,59 @@ def test_what_a_log_does_not_tell_apart_is_told_together(tmp_path: Path) -> None
     assert "The log does not tell it from" in record.sentence
     # Twice the armature is likelier than six times the moment of inertia.
     assert record.numbers[0] is rotor
+
+
+# Numbers of two joints, each as the robot has it.
+TWO = {"damping of joint shoulder": ('damping="0.1"', 'damping="0.3"', 0.3), "kp of actuator servo": ('kp="5"', 'kp="7"', 7.0)}
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("seed", [0, 1])
+def test_two_numbers_of_two_joints_explain_the_log_at_once(tmp_path: Path, seed: int) -> None:
+    real = ARM_OF_TWO
+    for old, new, _ in TWO.values():
+        assert real.count(old) == 1
+        real = real.replace(old, new)
+    log = explained(tmp_path, ARM_OF_TWO, real, ["drive", "servo"], 0.6, (0.0, seed))
+    record = log.record
+    assert {one.name for one in record.together} == TWO.keys(), record.sentence
+    for one in record.together:
+        assert abs(one.fitted - TWO[one.name][2]) <= (5 * one.error if seed else 1e-6), one
+        assert one.error < 1e-3 * one.fitted and TWO[one.name][1] in f" {one.remedy}"
+    first, second = record.together
+    assert first.explained < 0.999 < second.explained and record.numbers[0].explained < second.explained
+    assert f"explain 100 % of the gap together; the first alone {100 * first.explained:.0f} %." in record.sentence
+    if seed == 0:
+        # The changes are of the file: written into it, they end the gap.
+        assert log.changes.keys() == {DriftCause.DAMPING, DriftCause.GAIN}
+        for [(change, value)] in log.changes.values():
+            assert change.start is not None and change.text(change.start) == (tmp_path / "model.xml").read_text()
+            (tmp_path / "model.xml").write_text(change.text(value))
+        after = measured_from(MeasuredSettings(MovingSide(tmp_path / "model.xml"), tmp_path / "log.csv", log.settings.control), here=True)
+        assert after.gap < 1e-6 * record.gap
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_noise_makes_no_cause(tmp_path: Path, seed: int) -> None:
+    record = explained(tmp_path, PENDULUM, PENDULUM, ["drive"], disturbed=(0.0, seed)).record
+    assert record.together == () and record.gap == pytest.approx(NOISE, rel=0.3)
+    assert "No number of the file explains" in record.sentence and not any(one.alike for one in record.numbers)
+
+
+@pytest.mark.ci
+def test_a_mass_with_its_centre_is_not_identifiable_beside_the_rotor(tmp_path: Path) -> None:
+    """Half of the mass at twice the distance weighs as much, and turns as with a larger rotor: three numbers, two combinations."""
+    real = PENDULUM.replace('pos="0 0 -0.3" mass="0.5"', 'pos="0 0 -0.6" mass="0.25"')
+    record = explained(tmp_path, PENDULUM, real, ["drive"], 0.6).record
+    [one] = record.together
+    assert one.name == "armature of joint pin" and one.alike == ("moment of inertia y of body rod",)
+    # m z^2 grows from 0.045 to 0.09 kg m^2.
+    assert one.fitted == pytest.approx(0.065, rel=1e-6) and one.explained > 0.999
+    assert one.groups == (("mass of body rod", "centre of mass z of body rod"),)
+    group = "armature of joint pin, mass of body rod and centre of mass z of body rod"
+    assert f"Not identifiable together: {group}." in record.sentence
+    assert "mass of body rod and centre of mass z of body rod" in str(record.joint_table)
 
 
 @pytest.mark.ci

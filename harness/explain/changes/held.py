@@ -8,15 +8,18 @@ Source: MuJoCo documentation, XML reference, and API reference, mjModel; http://
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
+import numpy as np
 from lxml import etree
 
+from harness.arrays import Array
+from harness.engines.moving import NamedNumber, NumberKey
 from harness.errors import InvalidModel
 from harness.explain.changes import Change
 from harness.files.document.source import Source, read_any
@@ -25,6 +28,7 @@ from harness.files.mjcf.attributes import JOINTS, ORIENTATIONS, inside, resolved
 from harness.files.mjcf.reading import put_included
 from harness.files.reading import FORMATS
 from harness.files.text.scan import TextPlace, all_elements, edited
+from harness.results.table import number_text
 
 _TURNED = tuple(ORIENTATIONS)
 _GAINS = {"position": ("kp",), "velocity": ("kv",), "intvelocity": ("kp",), "damper": ("kv",), "general": ("gainprm",)}
@@ -226,9 +230,52 @@ def change_to(kind: str, statement: str, own: Said, wanted: Said) -> Change | No
     return Change(kind, statement, (found,), partial(_rewritten, place, own, wanted), path=place.path)
 
 
+@dataclass(frozen=True)
+class SizedChange:
+    """A change of a file to another value of a number, and the text of its attribute at a value."""
+
+    change: Change
+    words: Callable[[float], str]
+
+
+def sized_change(file: HeldFile, number: NamedNumber, row: Callable[[NumberKey], Array]) -> SizedChange | None:
+    """The change of a file to other values of a number, of which ``row`` is what an engine holds; None where no attribute alone says it.
+
+    What a default class says is written into the element, for no other one is to change.
+    """
+    if not number.directions:
+        return None
+    said = [one for key in number.directions for one in file.says(*key)]
+    own, held, direction = said[0], row(number.key), number.directions[number.key]
+    element = own.own
+    if element is None or any((one.place, one.attribute) != (own.place, own.attribute) for one in said):
+        return None
+    parts = np.array([float(part) for part in own.text.split()]) if own.text else held
+    if len(parts) == 1:
+        parts, direction = (np.array([number.value]), np.ones(1)) if not own.text or parts[0] == number.value else (parts, direction)
+    count = len(parts)
+    if direction[count:].any() or not (np.array_equal(parts, held[:count]) or (count == 1 and parts[0] == number.value)):
+        return None
+    words = partial(_words, own.text, parts, direction[:count], number.value)
+    place = TextPlace(element.line, element.tag, own.attribute, None, own.text)
+
+    def text(value: float) -> str:
+        return _rewritten(element, own, replace(own, text=words(value)), value)
+
+    statement = f"{number.what} of {number.owner}"
+    return SizedChange(Change(number.cause, statement, (place,), text, number.value, abs(number.value) or 1.0, path=element.path), words)
+
+
+def _words(text: str, parts: Array, direction: Array, start: float, value: float) -> str:
+    """Numbers with another value along a direction; where it is the file's, the text of the file."""
+    return text if text and value == start else " ".join(number_text(part) for part in (parts + (value - start) * direction).tolist())
+
+
 def _rewritten(place: Place, own: Said, wanted: Said, _value: float) -> str:
     """The text of the file of a place with what is wanted there."""
     document = read_any(place.path, "a model")
+    if wanted.text == own.text and wanted.attribute == own.attribute:
+        return document.text
     element = all_elements(document.text, FORMATS.get(str(document.root.tag), "mjcf"))[place.element]
     written = f" {wanted.attribute}={quoteattr(wanted.text)}" if wanted.text else ""
     if own.missing and not own.text:
