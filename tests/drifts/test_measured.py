@@ -149,7 +149,8 @@ def test_two_numbers_of_two_joints_explain_the_log_at_once(tmp_path: Path, seed:
             assert change.start is not None and change.text(change.start) == (tmp_path / "model.xml").read_text()
             (tmp_path / "model.xml").write_text(change.text(value))
         after = measured_from(MeasuredSettings(MovingSide(tmp_path / "model.xml"), tmp_path / "log.csv", log.settings.control), here=True)
-        assert after.gap < 1e-6 * record.gap
+        # What is left is of the velocities at the start, which the first rows tell to second order.
+        assert after.gap < 1e-3 * record.gap and after.together == ()
 
 
 @pytest.mark.ci
