@@ -91,7 +91,7 @@ class Log:
         self._held, self._move, self.motions = held, move, 0
         self._motion = SimulatedFile(settings.side.file, {}, settings.side.timing(held.length), tuple(kept))
         self._request = MotionsRequest((), tuple(held.joints), held.q, held.v, control)
-        base = self._moved([self._motion], self.start)
+        base = self._moved([self._motion], self.start, wants_mass=True)
         if not np.isfinite(base.q).all():
             raise InvalidRequest(f"{settings.side.path.name} breaks down before {settings.log.name} ends; give fewer --seconds")
         self._factors = np.linalg.cholesky(base.mass[np.ix_(range(self.rows), self._columns, self._columns)])
@@ -161,11 +161,11 @@ class Log:
         tracks = self._moved(motions, start).q[:, :, self._places]
         return np.array([self._whitened(self._measured - track) for track in tracks])
 
-    def _moved(self, motions: Sequence[SimulatedFile], start: Array) -> Moved:
+    def _moved(self, motions: Sequence[SimulatedFile], start: Array, wants_mass: bool = False) -> Moved:
         self.motions += len(motions)
         q, v = self._request.q.copy(), self._request.v.copy()
         q[self._places], v[self._columns] = start
-        return self._move(replace(self._request, motions=motions, q=q, v=v))
+        return self._move(replace(self._request, motions=motions, q=q, v=v, wants_mass=wants_mass))
 
     def _whitened(self, positions: Array) -> Array:
         return np.asarray(np.einsum("kji,kj->ki", self._factors, positions).ravel())

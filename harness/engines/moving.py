@@ -231,6 +231,7 @@ class MotionsRequest:
     """Several motions from one start, q (nq,) and v (nv,) over ``joints`` in this order, under one control.
 
     ``as_it_stands``: whether files are moved without numbers laid over them, which takes no engine that says what it holds of them.
+    ``wants_mass``: whether M is asked for.
     """
 
     motions: Sequence[SimulatedFile]
@@ -239,13 +240,14 @@ class MotionsRequest:
     v: Array
     control: Control
     as_it_stands: bool = False
+    wants_mass: bool = True
 
 
 @dataclass(frozen=True)
 class Moved:
     """Recorded states of several motions, (m, k, nq) and (m, k, nv) over the joints of the request, NaN from where one breaks down.
 
-    ``mass``: M of the first one at its states, (k, nv, nv).
+    ``mass``: M of the first one at its states, (k, nv, nv), where it is asked for.
     """
 
     q: Array

@@ -62,7 +62,7 @@ def moved(request: MotionsRequest) -> Moved:
         model = copy.copy(compiled[motion.file])
         with refusals():
             lay_over(model, motion.over)
-        states, masses = _move(model, request, motion, wants_mass=not found)
+        states, masses = _move(model, request, motion, wants_mass=request.wants_mass and not found)
         found.append(states)
         mass = masses if len(found) == 1 else mass
     q, v = (np.array([states[part] for states in found]) for part in range(2))
