@@ -13,6 +13,7 @@ Source: MuJoCo documentation, Computation, sections Actuation model, Constraint 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
@@ -38,6 +39,7 @@ from harness.library import Stance
 from harness.results.readings import Effect, lines_text
 from harness.results.shapes import ShapesRecord
 from harness.results.switched_on import SwitchedOnRecord
+from harness.results.table import error_text
 from harness.trees.robot import with_actuators
 from harness.truth.compare import compare
 from harness.truth.reference import Reference, ReferenceKernel
@@ -179,15 +181,22 @@ def with_verdict(
             departures=[*case.departures.values()],
         )
     wrong = np.flatnonzero([not is_held(compared[[state]]) for state in range(len(at.states))])
+    gone_on: list[tuple[float, str]] = []
     for ending in () if record.explained else caller.endings:
         # What a solver leaves that stops early has no number of the file for its cause. Where it did not, going on may cost digits.
         answers = asked.with_those(case.judged, at, solver=ending.solver)
         compared = judged_by(case, case.computed, answers.of(joints), case.departures)
         if is_held(ended := compared[wrong]):
             return replace(record, explained=True, to_the_end=worst(ended), remedy=ending.remedy, fault=ending.fault)
+        gone_on.append((worst(ended) or math.inf, ending.remedy))
     if not record.explained and (share := case.stops_as_documented(answers, compared)) is not None and caller.stops is not None:
         return replace(record, explained=True, left=share, remedy=caller.stops.remedy)
-    return record if record.explained or not names else replace(record, rest=case.left(answers, compared))
+    if record.explained or not names:
+        return record
+    # That the solver is stopped too early is the first suspicion of who uses it.
+    ended_at = "it is {} data roundoffs away where its solver goes on, too: {}"
+    still = [ended_at.format(error_text(left), remedy) for left, remedy in sorted(gone_on)[:1]]
+    return replace(record, rest=[*case.left(answers, compared), *still])
 
 
 def _change(case: FileCase, found: Array) -> float | None:
