@@ -6,6 +6,7 @@ Source: MuJoCo documentation, Programming, simulation loop; API reference, ``mj_
 from __future__ import annotations
 
 import copy
+from bisect import bisect_right
 from collections.abc import Sequence
 from typing import Any
 
@@ -86,12 +87,12 @@ def _move(model: Any, request: MotionsRequest, motion: SimulatedFile, wants_mass
     driver = _Driver(model, data, request.control, motion, (positions, velocities))
     done, recorded = 0, 0
     for recorded, until in enumerate(motion.counts):
-        for step in range(done, until):
-            driver.drive(step)
-            mujoco.mj_step(model, data)
+        while done < until:
+            count = driver.drive(done, until if generator is None else done + 1)
+            mujoco.mj_step(model, data, count)
             if generator is not None:
                 _round(model, data, generator)
-        done = until
+            done += count
         # The engine takes a control that is none for 0.
         if not all(np.isfinite(values).all() for values in (data.qpos, data.qvel, driver.given)):
             break
@@ -116,14 +117,20 @@ class _Driver:
         self._length = float(model.opt.timestep)
         times = self._timing.asked_at(np.arange(motion.counts[-1], dtype=np.float64) * self._length)
         self._times, self._table = times, control.held_at(times) if control.function is None else None
+        # The steps from which other controls act.
+        self._changes: list[int] = []
+        if self._table is not None:
+            self._changes = [*(np.flatnonzero((self._table[1:] != self._table[:-1]).any(axis=1)) + 1).tolist(), len(times)]
         self._called: list[tuple[float, Array]] = []
         self.given = np.zeros(0)
 
-    def drive(self, step: int) -> None:
-        """Set the controls before a step."""
-        if self._columns:
-            self.given = self._calculated(step) if self._table is None else self._table[step]
-            self._data.ctrl[self._columns] = self.given
+    def drive(self, step: int, until: int) -> int:
+        """Set the controls before a step; the number of steps before ``until`` in which they stay."""
+        if not self._columns:
+            return until - step
+        self.given = self._calculated(step) if self._table is None else self._table[step]
+        self._data.ctrl[self._columns] = self.given
+        return 1 if self._table is None else min(self._changes[bisect_right(self._changes, step)], until) - step
 
     def _calculated(self, step: int) -> Array:
         """The value of the function at the time of which the control acts by now."""
