@@ -76,9 +76,9 @@ def test_they_are_asked_by_name_alone() -> None:
 _law = step_law._law
 
 
-def _with(change: Callable[[Constraint, ConstraintLaw], ConstraintLaw]) -> Callable[[Constraint], ConstraintLaw | None]:
-    def law(constraint: Constraint) -> ConstraintLaw | None:
-        own = _law(constraint)
+def _with(change: Callable[[Constraint, ConstraintLaw], ConstraintLaw]) -> Callable[[Constraint, bool], ConstraintLaw | None]:
+    def law(constraint: Constraint, is_convex: bool) -> ConstraintLaw | None:
+        own = _law(constraint, is_convex)
         return None if own is None else change(constraint, own)
 
     return law
