@@ -10,7 +10,7 @@ from harness.truth.coulomb import RigidContacts
 
 Numbers = Mapping[str, float]
 Interval = tuple[float, float]
-# Of elements of an MJCF by their path, attributes that are set.
+# Of elements of an MJCF, or prims of a stage, by their path, attributes that are set; those of prims are declared with their type.
 Edits = Mapping[str, Mapping[str, str]]
 
 
@@ -49,7 +49,8 @@ class RigidCase:
     Attributes:
         name, system: of the family, and in the built-in library.
         knob: name and unit of what is turned; values: of it.
-        changes: value to parameters of the system that are not its own; edits, of_urdf: the same in an MJCF and in a URDF.
+        changes: value to parameters of the system that are not its own; edits, of_urdf, of_usd: the same in an MJCF, in a URDF and in
+            a stage; None where no stage is written of it.
         start: parameters to q and v; closed: the contacts that touch there.
         time: parameters to the length of the motion [s]; None for one step.
         measured: name and unit of the number that is measured; measure: (motion, parameters) to it.
@@ -68,6 +69,7 @@ class RigidCase:
     changes: Callable[[float], Numbers] = lambda value: {}
     edits: Callable[[float], Edits] = lambda value: {}
     of_urdf: Callable[[float], UrdfChanges] = lambda value: UrdfChanges()
+    of_usd: Callable[[float], Edits] | None = None
     start: Callable[[Numbers], tuple[Sequence[float], Sequence[float]]]
     closed: tuple[str, ...] = ()
     time: Callable[[Numbers], float] | None

@@ -18,15 +18,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from lxml import etree
 
 from harness.crosscheck.scene import with_parameters
 from harness.engines import NotOffered, engine_files, load_engine
 from harness.engines.moving import Control, MotionsRequest, MovedFile, SimulatedFile, Timing
 from harness.engines.request import Refused
 from harness.environments import split_name
-from harness.files.tree import WORLD
-from harness.hard.rigid_case import Edits, Interval, Numbers, RecordedMotion, RigidCase, UrdfChanges
+from harness.hard.rigid_case import Edits, Interval, Numbers, RecordedMotion, RigidCase
+from harness.hard.touching_files import FORMATS
 from harness.lagrange.assembly import contact_rows
 from harness.lagrange.derivation import load_mechanism, load_system
 from harness.lagrange.system import System
@@ -41,10 +40,6 @@ from harness.truth.coulomb import RigidContact, RigidContacts
 _RECORDED = 200
 # Length of a step [s] where nothing else is said, and a fine one.
 _LENGTH, _FINE = 2e-3, 2e-4
-MJCF, URDF = "mjcf", "urdf"
-_DRAKE = "{http://drake.mit.edu}"
-# Of the world's surface, of products.
-_WORLD = {"lateral_friction": 1.0, "restitution": 1.0}
 
 
 @dataclass(frozen=True)
@@ -52,7 +47,7 @@ class ContactSetting:
     """Settings with which an engine holds contacts.
 
     Attributes:
-        length: of a step [s]. edits: of an MJCF; where there are any, engines that read no MJCF are not asked.
+        length: of a step [s]. edits: of an MJCF; where there are any, engines whose own format is another are not asked.
         usual: whether cases that name no settings are asked with it.
     """
 
@@ -147,7 +142,7 @@ def rigid_distances(name: str, library: Library, note: Note) -> list[RigidDistan
         for engine in _engines(library):
             for setting in SETTINGS:
                 is_meant = setting.name in case.only if case.only else setting.usual
-                if not is_meant or (setting.edits and _format_of(library, engine) != MJCF):
+                if not is_meant or (setting.edits and not FORMATS[_format_of(library, engine)].takes_settings):
                     continue
                 note(f"{engine}, {case.knob[0]} = {value!r}, {setting.name}")
                 try:
@@ -165,14 +160,14 @@ def _engines(library: Library) -> Iterator[str]:
     """Names of engines that are installed and read files, each in one version."""
     for name, file in engine_files(library).items():
         is_there = file.version is not None and file.outcome.value is not None
-        if is_there and not split_name(name)[1] and {MJCF, URDF} & set(file.outcome.value.formats):
+        if is_there and not split_name(name)[1] and FORMATS.keys() & set(file.outcome.value.formats):
             yield name
 
 
 def _format_of(library: Library, engine: str) -> str:
     """The format that is an engine's own."""
     formats: Sequence[str] = engine_files(library)[engine].outcome.value.formats
-    return next(one for one in formats if one in (MJCF, URDF))
+    return next(one for one in formats if one in FORMATS)
 
 
 def _measured(library: Library, engine: str, place: _Place, setting: ContactSetting) -> float:
@@ -182,49 +177,18 @@ def _measured(library: Library, engine: str, place: _Place, setting: ContactSett
     length = setting.length if case.length is None else case.length(value, own)
     steps = 1 if case.time is None else max(1, math.ceil(case.time(own) / length))
     counts = tuple(dict.fromkeys(np.linspace(1, steps, min(steps, _RECORDED)).astype(int).tolist()))
-    model_format = _format_of(library, engine)
-    source = Library.built_in().model_path(case.system, model_format)
+    name = _format_of(library, engine)
+    model_format = FORMATS[name]
+    source = model_format.source(case)
     with tempfile.TemporaryDirectory(prefix="harness-contact-") as folder:
         path = Path(folder) / source.name
-        is_mjcf = model_format == MJCF
-        path.write_bytes(_touching(source, case.edits(value), setting.edits) if is_mjcf else _rubbing(source, case.of_urdf(value)))
-        motion = SimulatedFile(MovedFile(path, model_format, length=length), {}, Timing(), counts)
+        path.write_bytes(model_format.turned(source, case, value, setting.edits))
+        motion = SimulatedFile(MovedFile(path, name, length=length), {}, Timing(), counts)
         joints = tuple(dict.fromkeys(load_mechanism(Library.built_in(), case.system).joints))
         control = Control.constant({})
         moved = load_engine(library, engine).moved(MotionsRequest([motion], joints, start[0], start[1], control, True))
     # Engines that offer no motions at all have said so by now.
-    if case.not_in_urdf and not is_mjcf:
-        raise Refused(f"its reader takes no {case.not_in_urdf} from a URDF")
+    if lacking := model_format.lacking(case):
+        raise Refused(lacking)
     times = length * np.array(counts, dtype=np.float64)
     return case.measure(RecordedMotion(times, moved.q[0], moved.v[0], (start[0], start[1])), own)
-
-
-def _touching(path: Path, *edits: Edits) -> bytes:
-    """An MJCF whose contacts are on, with attributes set, the last word of each first."""
-    root = etree.fromstring(path.read_bytes(), etree.XMLParser(resolve_entities=False))
-    for flag in root.iterfind("option/flag"):
-        for stage in ("contact", "constraint"):
-            flag.attrib.pop(stage, None)
-    for place, attributes in (item for one in reversed(edits) for item in one.items()):
-        for element in root.iterfind(place):
-            element.attrib.update(attributes)
-    written: bytes = etree.tostring(root)
-    return written
-
-
-def _rubbing(path: Path, changes: UrdfChanges) -> bytes:
-    """A URDF that says how links touch: to Bullet by ``<contact>`` of links, to Drake, which takes harmonic means, by their shapes."""
-    root = etree.fromstring(path.read_bytes(), etree.XMLParser(resolve_entities=False, remove_comments=True))
-    for place, attributes in changes.edits.items():
-        for element in root.iterfind(place):
-            element.attrib.update(attributes)
-    for collision in root.iterfind("link/collision") if "lateral_friction" in changes.surface else ():
-        properties = etree.SubElement(collision, f"{_DRAKE}proximity_properties", nsmap={"drake": _DRAKE[1:-1]})
-        for name in ("mu_static", "mu_dynamic"):
-            etree.SubElement(properties, f"{_DRAKE}{name}", value=f"{changes.surface['lateral_friction']!r}")
-    for link in root.iterfind("link"):
-        contact = etree.SubElement(link, "contact")
-        for name, value in (_WORLD if link.get("name") == WORLD else changes.surface).items():
-            etree.SubElement(contact, name, value=f"{value!r}")
-    written: bytes = etree.tostring(root)
-    return written

@@ -24,6 +24,14 @@ def _friction(condim: int = 3) -> Callable[[float], Edits]:
     return lambda mu: {"worldbody//geom": {"friction": f"{mu!r}" if condim == 3 else f"0.5 {mu!r}"}}
 
 
+def surfaces(system: str, *names: str) -> Callable[[float], Edits]:
+    """Numbers of the one material that all surfaces of a stage are of, so that its mean is its own."""
+    return lambda value: {f"{system}/surface": {f"float physics:{name}": f"{value!r}" for name in names}}
+
+
+_RUB = ("staticFriction", "dynamicFriction")
+
+
 def _accelerations(closed: tuple[str, ...], place: int) -> Callable[..., list[Interval]]:
     """One acceleration of all that are consistent at the start."""
 
@@ -54,6 +62,7 @@ BLOCK = RigidCase(
     changes=lambda mu: {"mu": mu},
     edits=_friction(),
     of_urdf=lambda mu: UrdfChanges({"lateral_friction": mu}),
+    of_usd=surfaces("block_on_incline", *_RUB),
     start=lambda own: ([0.0, own["h"], 0.0], [0.0] * 3),
     closed=_EDGES,
     time=lambda own: 1.0,
@@ -72,6 +81,7 @@ SPHERE = RigidCase(
     changes=lambda mu: {"mu": mu},
     edits=_friction(),
     of_urdf=lambda mu: UrdfChanges({"lateral_friction": mu}),
+    of_usd=surfaces("sphere_on_incline", *_RUB),
     start=lambda own: ([0.0, own["R"], 0.0], [0.0] * 3),
     closed=("incline",),
     time=lambda own: 1.0,
@@ -91,6 +101,7 @@ ROLLING = RigidCase(
     changes=lambda mu: {"mu": mu},
     edits=_friction(),
     of_urdf=lambda mu: UrdfChanges({"lateral_friction": mu}),
+    of_usd=surfaces("sliding_to_rolling", *_RUB),
     start=lambda own: ([0.0, own["R"], 0.0], [_THROWN, 0.0, 0.0]),
     closed=("floor",),
     time=lambda own: 1.5 * 2 * _THROWN / (7 * own["mu"] * own["g"]),
@@ -101,6 +112,14 @@ ROLLING = RigidCase(
 )
 
 _SPUN = 10.0
+
+
+def _patch(mu: float) -> Edits:
+    """PhysX rubs about the normal by the coefficient of slips, 0.5, on a patch of a radius."""
+    radius = {"float physxCollision:minTorsionalPatchRadius": f"{mu / 0.5!r}"}
+    return {"spinning_disc/floor": radius, "spinning_disc/disc/foot": radius}
+
+
 DISC = RigidCase(
     name="spinning disc",
     system="spinning_disc",
@@ -109,6 +128,7 @@ DISC = RigidCase(
     changes=lambda mu: {"mu": mu},
     edits=_friction(condim=4),
     of_urdf=lambda mu: UrdfChanges({"lateral_friction": 0.5, "spinning_friction": mu}),
+    of_usd=_patch,
     start=lambda own: ([own["foot"], 0.0], [0.0, _SPUN]),
     closed=("floor",),
     time=lambda own: _SPUN * own["R"] ** 2 / 2 / (own["mu"] * own["g"]) / 2,
@@ -138,6 +158,7 @@ BALL = RigidCase(
     values=(0.2, 0.5, 0.8, 0.95),
     edits=_bouncing,
     of_urdf=lambda e: UrdfChanges({"restitution": e}),
+    of_usd=surfaces("bouncing_ball", "restitution"),
     changes=lambda e: {"restitution": e},
     start=lambda own: ([own["R"] + 1e-9], [-_FALLING]),
     time=lambda own: 0.25,
@@ -156,6 +177,7 @@ CRADLE = RigidCase(
     edits=lambda k: {"worldbody//geom": {"solref": f"{-k!r} 0"}},
     # Its contacts are rigid, and keep the energy.
     of_urdf=lambda k: UrdfChanges({"restitution": 1.0}),
+    of_usd=lambda k: surfaces("newtons_cradle", "restitution")(1.0),
     start=lambda own: ([-0.02, 0.02, 0.0], [1.0, -1.0, 0.0]),
     time=lambda own: 0.2,
     measured=("speed of the last ball, of the first", "1"),
@@ -175,6 +197,7 @@ STACK = RigidCase(
     changes=lambda mass: {"m3": mass},
     edits=lambda mass: {"worldbody/body/body/body/inertial": {"mass": f"{mass!r}"}},
     of_urdf=lambda mass: UrdfChanges(edits={"link[@name='third_box']/inertial/mass": {"value": f"{mass!r}"}}),
+    of_usd=lambda mass: {"box_stack/third_box": {"float physics:mass": f"{mass!r}"}},
     start=lambda own: ([0.0] * 3, [0.0] * 3),
     closed=_BOXES,
     time=lambda own: 2.0,
@@ -208,6 +231,7 @@ ROD = RigidCase(
     changes=lambda mu: {"mu": mu},
     edits=_friction(),
     of_urdf=lambda mu: UrdfChanges({"lateral_friction": mu}),
+    of_usd=surfaces("painleve_rod", *_RUB),
     start=_rod(5.0),
     closed=("end",),
     time=None,
@@ -258,6 +282,7 @@ WHEEL = RigidCase(
     of_urdf=lambda inertia: UrdfChanges(
         {"lateral_friction": 0.8}, {"link[@name='wheel']/inertial/inertia": {"ixx": f"{inertia!r}", "iyy": f"{inertia!r}"}}
     ),
+    of_usd=lambda inertia: {"rimless_wheel/wheel": {"float3 physics:diagonalInertia": f"({inertia!r}, {inertia!r}, {inertia!r})"}},
     start=lambda own: ([0.0, own["l"] + own["r"], 0.0], [(own["l"] + own["r"]) * _walks(own), 0.0, _walks(own)]),
     closed=("foot 0",),
     # It is slow near the normal, so that steps take less.
@@ -319,6 +344,7 @@ EULER = RigidCase(
     values=(_STEEP, _FLAT),
     changes=lambda lean: {"lean": lean},
     of_urdf=lambda lean: UrdfChanges({"lateral_friction": 0.5}),
+    of_usd=lambda lean: {},
     start=lambda own: _steady(own, own["lean"]),
     closed=("rim",),
     # Two turns of the point of contact.
@@ -337,6 +363,7 @@ CIRCLE = RigidCase(
     changes=lambda mu: {"mu": mu},
     edits=_friction(),
     of_urdf=lambda mu: UrdfChanges({"lateral_friction": mu}),
+    of_usd=surfaces("euler_disc", *_RUB),
     start=lambda own: _steady(own, *_CIRCLING),
     closed=("rim",),
     time=lambda own: math.pi / _CIRCLING[1],

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from harness.hard.cases.rigid import BALL, BLOCK
+from harness.hard.cases.rigid import BALL, BLOCK, surfaces
 from harness.hard.rigid_case import Edits, Numbers, RecordedMotion, RigidCase, UrdfChanges
 
 # Gap from which the ball is thrown at what it grazes [m].
@@ -40,6 +40,10 @@ GRAZING = RigidCase(
         {"restitution": 0.0},
         {"joint/axis": {"xyz": "0 0 -1"}, "link[@name='world']/collision/origin": {"xyz": "0 0 0.5"}},
     ),
+    of_usd=lambda depth: {
+        "bouncing_ball/scene": {"vector3f physics:gravityDirection": "(0, 0, 1)"},
+        **surfaces("bouncing_ball", "restitution")(0.0),
+    },
     start=lambda own: ([own["R"] + _GAP], [-_thrown(own)]),
     time=lambda own: 2 * _thrown(own) / -own["g"],
     measured=("impulse, of that which stops it", "1"),
@@ -67,6 +71,7 @@ def _at_threshold(name: str, side: int) -> RigidCase:
         changes=lambda share: BLOCK.changes(friction(share)),
         edits=lambda share: BLOCK.edits(friction(share)),
         of_urdf=lambda share: BLOCK.of_urdf(friction(share)),
+        of_usd=lambda share: surfaces("block_on_incline", "staticFriction", "dynamicFriction")(friction(share)),
         # The acceleration that is as far on the other side.
         scale=lambda own: own["g"] * math.sin(own["alpha"]) * abs(own["mu"] / math.tan(own["alpha"]) - 1),
         only=(),
@@ -107,6 +112,7 @@ STEPS = RigidCase(
     changes=lambda ratio: {"ratio": ratio},
     edits=_sprung,
     of_urdf=lambda ratio: UrdfChanges({"restitution": _KEPT}),
+    of_usd=lambda ratio: surfaces("bouncing_ball", "restitution")(_KEPT),
     start=lambda own: ([own["R"] + 1e-9], [-_FALLING]),
     time=_steps,
     measured=BALL.measured,

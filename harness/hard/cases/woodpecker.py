@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from harness.arrays import Array
+from harness.hard.cases.rigid import surfaces
 from harness.hard.rigid_case import Edits, Interval, Numbers, RigidCase
 from harness.truth.coulomb import RigidContacts
 
@@ -65,6 +66,7 @@ WOODPECKER = RigidCase(
     values=(0.1, 0.2, 0.25, 0.3, 0.6),
     changes=lambda mu: {"mu": mu},
     edits=_edits,
+    of_usd=surfaces("woodpecker", "staticFriction", "dynamicFriction"),
     not_in_urdf="spring of a joint",
     start=_start,
     closed=_EDGE,

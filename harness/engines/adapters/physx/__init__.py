@@ -1,4 +1,4 @@
-"""PhysX on a robot in USD: the mass matrix, the Coriolis and the gravity forces of its articulations, in float32 on a CPU.
+"""PhysX on a robot in USD: the mass matrix, the Coriolis and the gravity forces of its articulations, in float32 on a CPU; and its steps.
 
 ``massMatrix`` is without the armature that PhysX adds to it in its steps, and the forces without viscous friction; both are added here, as
 the engine holds them. Drives are off.
@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from harness.engines import Engine
+from harness.engines.moving import MotionsRequest, Moved, moved_as_they_stand
 from harness.engines.request import Request
 from harness.files.findings import EQUALITIES, FRICTION, LIMITS
 
@@ -51,6 +52,12 @@ class PhysxEngine(Engine):
         from harness.engines.adapters.physx.articulations import read
 
         return read(request)
+
+    def moved(self, request: MotionsRequest) -> Moved:
+        """See ``harness.engines.Engine``; of files as they stand."""
+        from harness.engines.adapters.physx.moving import moved
+
+        return moved_as_they_stand(self.title, request, moved)
 
 
 ENGINE = PhysxEngine()

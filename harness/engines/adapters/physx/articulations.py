@@ -220,13 +220,13 @@ def read(request: Request) -> PhysxFile:
                 path, over, [joint.tag for joint in request.joints if joint.kind == JointKind.FREE], bool(request.aid.gravity.any())
             )
             path = over
-        physx = _physx_at(path)
-    if not (found := _articulations(physx)):
+        physx = physx_at(path)
+    if not (found := articulations_of(physx)):
         raise Refused("it finds no articulation in the stage; apply PhysicsArticulationRootAPI to the root of the robot")
     return PhysxFile(request, found)
 
 
-def _physx_at(path: Path) -> Any:
+def physx_at(path: Path) -> Any:
     """An instance of PhysX with the stage at a path; raises Refused."""
     ovphysx.PhysX.set_cpu_mode(True)
     ovphysx.set_log_level(LogLevel.ERROR)
@@ -242,7 +242,7 @@ def _physx_at(path: Path) -> Any:
     return physx
 
 
-def _articulations(physx: Any) -> list[_Articulation]:
+def articulations_of(physx: Any) -> list[_Articulation]:
     """The articulations of a scene, by what PhysX says of their degrees of freedom."""
     found: list[_Articulation] = []
     told: dict[str, dict[str, Any]] = {}
