@@ -230,6 +230,8 @@ def physx_at(path: Path) -> Any:
     """An instance of PhysX with the stage at a path; raises Refused."""
     ovphysx.PhysX.set_cpu_mode(True)
     ovphysx.set_log_level(LogLevel.ERROR)
+    # Tasks of small scenes are done sooner in the thread that calls.
+    ovphysx.set_global_config(ovphysx.GlobalConfigKey.NUM_THREADS, 0)
     physx, stage = ovphysx.PhysX(), ovstage.Stage(str(path))
     # Attributes of schemas that are not registered are lost.
     ovstage.population.register_usd_schemas([*map(str, physx_schema_paths()), str(ovphysx.newton_schema_root())])
