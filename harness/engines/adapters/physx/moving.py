@@ -1,7 +1,7 @@
 """Motions of a stage by PhysX's own steps, as its user loads it, in float32 on a CPU.
 
 The solver, its iterations, the damping of angular velocities, sleep and stabilisation are those of the stage, or PhysX's where it gives
-none. Before the first state is set, PhysX takes a step of a nanosecond from where the stage stands.
+none. Before a motion, PhysX takes a step of a nanosecond where the stage stands, and one at the start, at rest.
 
 Source: ovphysx documentation, ``PhysX.step_sync``, and Warmup and determinism.
 """
@@ -18,7 +18,9 @@ from harness.engines.moving import MotionsRequest, SimulatedFile
 from harness.engines.request import Refused
 
 # Steps of a motion, of which each takes milliseconds on a CPU.
-MOST_STEPS = 10_000
+MOST_STEPS = 20_000
+# A step in which nothing moves [s].
+_MOMENT = 1e-9
 
 
 def moved(motion: SimulatedFile, request: MotionsRequest) -> tuple[Array, Array]:
@@ -43,6 +45,9 @@ def moved(motion: SimulatedFile, request: MotionsRequest) -> tuple[Array, Array]
     places = [paths[name][1] for name in request.joints]
     q, v = np.zeros((2, len(one.joints)))
     q[places], v[places] = request.q, request.v
+    # PhysX solves a step with contacts that it has found before: those of where the stage stands, where shapes may be sunk.
+    one.move(q, np.zeros(len(v)))
+    physx.step_sync(_MOMENT)
     one.move(q, v)
     positions, velocities, done = [q[places]], [v[places]], 0
     for until in motion.counts:
