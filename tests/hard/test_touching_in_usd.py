@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -152,7 +153,7 @@ def test_a_stage_composes_a_heavier_box(tmp_path: Path) -> None:
 
 
 def test_an_engine_of_stages_is_refused_where_none_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = distances(TOP, monkeypatch, "physx")
+    found = distances(TOP, monkeypatch, "physx", of_usd=None)
     assert {(one.is_refused, one.reason) for one in found} == {(True, "no stage is written of it")}
     assert {one.value for one in found} == set(TOP.values)
 
@@ -174,6 +175,13 @@ def test_physx_comes_near_rigid_motions(case: RigidCase, most: float, physx: str
     found = of_setting(distances(case, monkeypatch, physx, BUILT_IN), "as the file stands")
     assert set(found) == set(case.values)
     assert max(one for one in found.values() if one is not None) < most and None not in found.values()
+
+
+@pytest.mark.nightly
+def test_what_a_top_loses_in_physx_is_its_default_damping(physx: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A body that floats: 0.05 / s in 2 s, whatever the point of the contact rubs by."""
+    found = [one.found for one in distances(TOP, monkeypatch, physx, BUILT_IN) if one.setting == "as the file stands"]
+    assert found == [pytest.approx(math.exp(-0.1) - 1, abs=0.01)] * len(TOP.values)
 
 
 @pytest.mark.nightly

@@ -313,6 +313,7 @@ TOP = RigidCase(
     values=(0.0, 0.1, 0.3, 1.0),
     edits=lambda mu: {"worldbody//geom": {"condim": "3", "friction": f"{mu!r}"}},
     of_urdf=lambda mu: UrdfChanges({"lateral_friction": mu}),
+    of_usd=surfaces("tippe_top", *_RUB),
     start=lambda own: (
         [0.0, 0.0, own["R"] - own["a"] * math.cos(_LEAN), math.cos(_LEAN / 2), math.sin(_LEAN / 2), 0.0, 0.0],
         [0.0, 0.0, 0.0, 0.0, 0.0, _SPIN],

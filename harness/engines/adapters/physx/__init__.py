@@ -57,7 +57,7 @@ class PhysxEngine(Engine):
         """See ``harness.engines.Engine``; of files as they stand."""
         from harness.engines.adapters.physx.moving import moved
 
-        return moved_as_they_stand(self.title, request, moved)
+        return moved_as_they_stand(self.title, request, moved, turns_freely=True)
 
 
 ENGINE = PhysxEngine()

@@ -37,7 +37,7 @@ _BASE, _BALL = 6, 3
 _AT_ORIGIN = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
-class _Articulation:
+class Articulation:
     """One articulation of a scene, in PhysX's own coordinates.
 
     Attributes:
@@ -107,7 +107,7 @@ class PhysxFile(StateByState):
     A base that floats in PhysX and by no joint of the request is at rest in the origin, and free.
     """
 
-    def __init__(self, request: Request, articulations: Sequence[_Articulation]) -> None:
+    def __init__(self, request: Request, articulations: Sequence[Articulation]) -> None:
         places = {joint.name: column for joint in request.joints for one in articulations for column in _column_of(joint, one)}
         super().__init__(request, places, articulations[-1].columns.stop)
         self._articulations = articulations
@@ -192,7 +192,7 @@ class PhysxFile(StateByState):
         return turn, origin, jacobian
 
 
-def _column_of(joint: AskedJoint, one: _Articulation) -> Sequence[int]:
+def _column_of(joint: AskedJoint, one: Articulation) -> Sequence[int]:
     """The first column of a joint in an articulation; none of one that is not there."""
     if joint.kind == JointKind.FREE:
         return [one.columns.start] if one.floats and one.number_of(joint.tag) == 0 else []
@@ -244,9 +244,9 @@ def physx_at(path: Path) -> Any:
     return physx
 
 
-def articulations_of(physx: Any) -> list[_Articulation]:
+def articulations_of(physx: Any) -> list[Articulation]:
     """The articulations of a scene, by what PhysX says of their degrees of freedom."""
-    found: list[_Articulation] = []
+    found: list[Articulation] = []
     told: dict[str, dict[str, Any]] = {}
     with physx.read_sync(SimObjectType.ARTICULATION, ["dofJointPath", "isFixedBase"]) as result:
         words = result.dictionary
@@ -257,5 +257,5 @@ def articulations_of(physx: Any) -> list[_Articulation]:
         for path, about in told.items():
             joints = [words.path_to_string(int(one)) for one in about.get("dofJointPath", ()) if one]
             start = found[-1].columns.stop if found else 0
-            found.append(_Articulation(physx, path, joints, not int(about["isFixedBase"][0]), start))
+            found.append(Articulation(physx, path, joints, not int(about["isFixedBase"][0]), start))
     return found
