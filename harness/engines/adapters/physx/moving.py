@@ -103,7 +103,7 @@ def moved(motion: SimulatedFile, request: MotionsRequest) -> tuple[Array, Array]
 
 
 def _moving(articulations: Sequence[Articulation], joints: Sequence[str], path: Path) -> _Joints | _FloatingBody:
-    """What moves in the articulation that has all of these joints; a body that floats is the joint of its own name."""
+    """The articulation that has all of these joints, as it is moved; a body that floats is the joint of its own name."""
     for one in articulations:
         if one.floats and [*joints] == [one.links[0]] and not one.joints:
             return _FloatingBody(one)
