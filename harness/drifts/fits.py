@@ -24,8 +24,9 @@ _MOST_STEPS = 20
 _SHORTENED, _MOST_SHORTENED = 0.25, 3
 # After the first step, derivatives are taken over this part of the usual change.
 _CLOSER = 0.1
-# A step that lessens the square by a smaller part is the last; one that lessens it by this part needs no better derivatives.
-_LEAST_GAIN, _GOOD = 1e-4, 0.9
+# A step that lessens the square by a smaller part is the last; one that lessens it by this part needs no better derivatives. Those by the
+# start, which take most motions, are good for so many steps that lessen it by less.
+_LEAST_GAIN, _GOOD, _STEPS_BY_STARTS = 1e-4, 0.9, 4
 # Chance that the noise of a log alone makes any number of the file significant.
 _FALSE_ALARM = 1e-3
 
@@ -139,11 +140,11 @@ def at_once(log: Log, point: Point, start: Array, starts: Array | None = None) -
     """The numbers of a point and the start, fitted together from their values there on; ``starts``: effects of the start if known."""
     places, closer, gain = list(point), 1.0, 1.0
     left = log.left([point], start)[0]
+    since = 0
     for _ in range(_MOST_STEPS):
         effects = log.effects(point, start, {place: log.change(place, closer) for place in places})
-        # They change little with the numbers, and take most motions.
-        if starts is None or gain < _GOOD:
-            starts = log.effects_of_start(point, start)
+        if starts is None or since >= _STEPS_BY_STARTS:
+            starts, since = log.effects_of_start(point, start), 0
         every = np.vstack([effects, starts])
         step = _least_squares(every, left)
         ends = np.array([log.value(point, place) <= log.numbers[place].least for place in places], dtype=bool)
@@ -159,9 +160,10 @@ def at_once(log: Log, point: Point, start: Array, starts: Array | None = None) -
             if gain > 0:
                 (point, start), left = tried, there
                 break
-        closer = _CLOSER
-        if gain < _LEAST_GAIN or log.is_rounding(left):
+        closer, is_last = _CLOSER, gain < _LEAST_GAIN
+        if (is_last and not since) or log.is_rounding(left):
             break
+        since = _STEPS_BY_STARTS if is_last else since + (gain < _GOOD)
     assert starts is not None
     is_free = np.array([value > log.numbers[place].least for place, value in point.items()], dtype=bool)
     return JointFit(point, start, left, beside(starts)(effects), starts, is_free)
