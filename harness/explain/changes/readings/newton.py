@@ -45,7 +45,15 @@ def _downwards(robot: Robot) -> Tree:
     return replace(tree, gravity=vector([Given(one, place, "gravity of Newton", index) for index, one in enumerate(_DOWN)]))
 
 
-@law("several joints of a body", "bodies", after=("frames",), each=with_bodies)
+@law("joints in frames", "joints", each=with_bodies)
+def _outside_frames(body: Body) -> Body:
+    """The joints that stand in the body itself."""
+    elements = [(joint, element_at(joint.place)) for joint in body.joints]
+    holders = [(joint, None if element is None else element.getparent()) for joint, element in elements]
+    return replace(body, joints=tuple(joint for joint, holder in holders if holder is None or holder.tag != "frame"))
+
+
+@law("several joints of a body", "bodies", after=("frames", "joints in frames"), each=with_bodies)
 def _slides_first(body: Body) -> Body:
     """One joint of all, whose slides go before its hinges, in the position of the first."""
     if len(body.joints) < 2:
@@ -242,6 +250,11 @@ READINGS = readings_of(
                 "Newton's importer of MJCF takes 9.81 m/s^2 along -z for gravity, whatever <option gravity> says",
                 "set ModelBuilder.gravity to the gravity of the file",
                 f"{_IMPORTER}, parse_mjcf: of <option> it reads the flag gravity alone",
+            ),
+            _outside_frames: (
+                "Newton's importer of MJCF passes over joints in a <frame>, and fixes their body to its parent",
+                "write the joint into the body itself, with the rotation of the frame in its axis",
+                f"{_IMPORTER}, process_frames: bodies, geoms, sites and frames",
             ),
             _slides_first: (
                 "Newton's importer of MJCF merges several joints of a body into one: slides before hinges, at the position of the first",
