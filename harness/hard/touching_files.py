@@ -46,7 +46,7 @@ def stage_of(case: RigidCase) -> Path:
     return _STAGES / f"{case.system}.usda"
 
 
-def _without_lack(case: RigidCase) -> str:
+def _lacking_in_urdf(case: RigidCase) -> str:
     return f"its reader takes no {case.not_in_urdf} from a URDF" if case.not_in_urdf else ""
 
 
@@ -110,6 +110,6 @@ def _model(model_format: str) -> Callable[[RigidCase], Path]:
 # By the name of the format; an engine is handed the first of its own that is here.
 FORMATS: Mapping[str, TouchingFormat] = {
     "mjcf": TouchingFormat(_model("mjcf"), lambda path, case, value, edits: _touching(path, case.edits(value), edits), takes_settings=True),
-    "urdf": TouchingFormat(_model("urdf"), lambda path, case, value, _: _rubbing(path, case.of_urdf(value)), lacking=_without_lack),
+    "urdf": TouchingFormat(_model("urdf"), lambda path, case, value, _: _rubbing(path, case.of_urdf(value)), lacking=_lacking_in_urdf),
     "usd": TouchingFormat(stage_of, lambda path, case, value, _: _laid_over(path, _of_usd(case, value))),
 }
