@@ -83,6 +83,7 @@ class Library:
     calls_engines_here: bool = False
 
     @classmethod
+    @functools.cache
     def built_in(cls) -> Library:
         """The textbook mechanisms that come with the harness."""
         models = _PACKAGE if (_PACKAGE / "mjcf").is_dir() else _PACKAGE.parent
@@ -204,10 +205,10 @@ def matching(library: Library, names: Iterable[str]) -> list[str]:
     Raises:
         InvalidRequest: a pattern fits none.
     """
-    found: list[str] = []
+    found, systems = list[str](), library.system_names()
     for name in names:
-        is_pattern = name not in library.system_names() and any(sign in name for sign in "*?[")
-        known = [*library.system_names(), *library.variant_names()] if is_pattern else [name]
+        is_pattern = name not in systems and any(sign in name for sign in "*?[")
+        known = [*systems, *library.variant_names()] if is_pattern else [name]
         fitting = fnmatch.filter(known, name) if is_pattern else known
         if not fitting:
             raise InvalidRequest(f"no system and no variant of models fits {name!r}; {nearest(name, known)}")
@@ -217,10 +218,11 @@ def matching(library: Library, names: Iterable[str]) -> list[str]:
 
 def is_file(library: Library, name: str) -> bool:
     """True if ``name`` is that of a robot's file, be it there or not, and of no system or variant of a library."""
-    if name in library.system_names() or name in library.variant_names():
+    is_path = any(sign in name for sign in {"/", os.sep})
+    # Names of systems and variants, for which the folders are read, are those of files without their folders.
+    if (library.reads_files or not is_path) and (name in library.system_names() or name in library.variant_names()):
         return False
-    has_suffix = Path(name).suffix in (*FILE_SUFFIXES, TEMPLATE_SUFFIX)
-    return has_suffix or any(sign in name for sign in {"/", os.sep}) or Path(name).exists()
+    return is_path or Path(name).suffix in (*FILE_SUFFIXES, TEMPLATE_SUFFIX) or Path(name).exists()
 
 
 def orphaned_models(library: Library) -> list[Path]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import os
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -310,10 +312,17 @@ class FilesComparison(StudyResult):
 
 def names_apart(paths: Iterable[str]) -> dict[str, str]:
     """The name of each file, with as many of its folders as tell it from the others, by its whole path."""
+    return dict(_names_apart(tuple(dict.fromkeys(paths))))
+
+
+@functools.lru_cache(maxsize=64)
+def _names_apart(paths: tuple[str, ...]) -> dict[str, str]:
+    """The same, kept: a run of many files asks for the name of each by those of all."""
     parts, names = {path: Path(path).parts for path in paths}, {}
+    # The last parts that two spellings of one path share tell neither of them from the other.
+    ends = Counter(own[-count:] for own in {*parts.values()} for count in range(1, len(own) + 1))
     for path, own in parts.items():
-        others = [other for other in parts.values() if other != own]
-        enough = (count for count in range(1, len(own)) if all(other[-count:] != own[-count:] for other in others))
+        enough = (count for count in range(1, len(own)) if ends[own[-count:]] == 1)
         names[path] = str(Path(*own[-next(enough, len(own)) :]))
     return names
 

@@ -8,6 +8,7 @@ share. Nothing an engine answers enters a tree.
 
 from __future__ import annotations
 
+import functools
 import graphlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
@@ -132,7 +133,13 @@ def readings_of(
 
 def find_all() -> list[Reading]:
     """Every reading that is declared."""
-    return list(declared(__name__, Reading, "reading", lambda reading: f"{reading.engine} {reading.formats}: {reading.name}").values())
+    return list(_declared_in(tuple(__path__)))
+
+
+@functools.lru_cache(maxsize=8)
+def _declared_in(folders: tuple[str, ...]) -> tuple[Reading, ...]:
+    found = declared(__name__, Reading, "reading", lambda reading: f"{reading.engine} {reading.formats}: {reading.name}")
+    return tuple(found.values())
 
 
 def find_readings(engine: str, model_format: str, reader: str = "", quantity: str = "") -> list[Reading]:
@@ -141,12 +148,18 @@ def find_readings(engine: str, model_format: str, reader: str = "", quantity: st
     Those that bear on one quantity alone are found for answers about that ``quantity``.
     An engine without a version, as the one beside the harness, is the newest; ``engine@version`` has what that version has.
     """
+    return list(_found_readings(tuple(__path__), engine, model_format, reader, quantity))
+
+
+# Each file is read by the readings of each of its subjects, again for each that is asked about it.
+@functools.lru_cache(maxsize=256)
+def _found_readings(folders: tuple[str, ...], engine: str, model_format: str, reader: str, quantity: str) -> tuple[Reading, ...]:
     name, version = split_name(engine)
-    readers = [one for one in find_all() if one.engine == name or (one.engine == reader and not one.is_of_program)]
+    readers = [one for one in _declared_in(folders) if one.engine == name or (one.engine == reader and not one.is_of_program)]
     own = (one for one in readers if model_format in one.formats and one.quantity in ("", quantity))
     named = {one.name: one for one in own if (version or NEWEST) in SpecifierSet(one.versions, prereleases=True)}
     order = graphlib.TopologicalSorter({name: named[name].after for name in sorted(named)})
-    return sorted((named[name] for name in order.static_order() if name in named), key=lambda reading: not reading.first)
+    return tuple(sorted((named[name] for name in order.static_order() if name in named), key=lambda reading: not reading.first))
 
 
 def with_tree(robot: Robot, tree: Tree) -> Robot:
