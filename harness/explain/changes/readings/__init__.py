@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 import graphlib
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
@@ -133,11 +134,19 @@ def readings_of(
 
 def find_all() -> list[Reading]:
     """Every reading that is declared."""
-    return list(_declared_in(tuple(__path__)))
+    return list(_declared_in(_folders()))
+
+
+# Folders with the times of their last change.
+_Folders = tuple[tuple[str, int], ...]
+
+
+def _folders() -> _Folders:
+    return tuple((folder, os.stat(folder).st_mtime_ns) for folder in __path__)  # noqa: PTH116 (each question about a file asks)
 
 
 @functools.lru_cache(maxsize=8)
-def _declared_in(folders: tuple[str, ...]) -> tuple[Reading, ...]:
+def _declared_in(folders: _Folders) -> tuple[Reading, ...]:
     found = declared(__name__, Reading, "reading", lambda reading: f"{reading.engine} {reading.formats}: {reading.name}")
     return tuple(found.values())
 
@@ -148,12 +157,12 @@ def find_readings(engine: str, model_format: str, reader: str = "", quantity: st
     Those that bear on one quantity alone are found for answers about that ``quantity``.
     An engine without a version, as the one beside the harness, is the newest; ``engine@version`` has what that version has.
     """
-    return list(_found_readings(tuple(__path__), engine, model_format, reader, quantity))
+    return list(_found_readings(_folders(), engine, model_format, reader, quantity))
 
 
 # Each file is read by the readings of each of its subjects, again for each that is asked about it.
 @functools.lru_cache(maxsize=256)
-def _found_readings(folders: tuple[str, ...], engine: str, model_format: str, reader: str, quantity: str) -> tuple[Reading, ...]:
+def _found_readings(folders: _Folders, engine: str, model_format: str, reader: str, quantity: str) -> tuple[Reading, ...]:
     name, version = split_name(engine)
     readers = [one for one in _declared_in(folders) if one.engine == name or (one.engine == reader and not one.is_of_program)]
     own = (one for one in readers if model_format in one.formats and one.quantity in ("", quantity))
