@@ -33,6 +33,8 @@ class Builder:
         self.instructions: list[Instruction] = []
         self.terms: list[Term] = []
         self._known: dict[Instruction, Term] = {}
+        # Literals by their values, of which most are 0 and 1.
+        self._literals: dict[Number, Term] = {}
         self.inputs = [self.add("input", place) for place in range(len(self.names))]
 
     def add(self, operation: str, *operands: Any) -> Term:
@@ -52,13 +54,22 @@ class Builder:
         """Take back all instructions but the first ``count``."""
         for instruction in self.instructions[count:]:
             del self._known[instruction]
+        self._literals = {value: term for value, term in self._literals.items() if term.place < count}
         del self.instructions[count:], self.terms[count:]
 
     def number(self, value: Number) -> Term:
         """The literal ``value``."""
+        if not value:
+            value = 0
+        # The hash of a fraction takes as long as its literal.
+        is_plain = value.__class__ is int or value.__class__ is float
+        if is_plain and (known := self._literals.get(value)) is not None:
+            return known
         numerator, denominator = value.as_integer_ratio()
         found = self.add("rational", str(numerator), str(denominator))
         found.value = numerator if denominator == 1 else Fraction(numerator, denominator)
+        if is_plain:
+            self._literals[value] = found
         return found
 
     def vector(self, values: Iterable[Number]) -> Vector:
@@ -128,7 +139,8 @@ class Term:
             return self - self.builder.operand(other, 0)
         if self.operation == "neg":
             return other - self.builder.operand(self, 0)
-        return self.builder.write(("add", *sorted((self.place, other.place))))
+        first, second = self.place, other.place
+        return self.builder.write(("add", first, second) if first < second else ("add", second, first))
 
     __radd__ = __add__
 
@@ -154,8 +166,9 @@ class Term:
         if self.operation == "neg":
             return self.builder.operand(self, 0)
         if self.operation == "sub":
-            return self.builder.add("sub", self.builder.operand(self, 1), self.builder.operand(self, 0))
-        return self.builder.add("neg", self)
+            _, first, second = self.builder.instructions[self.place]
+            return self.builder.write(("sub", second, first))
+        return self.builder.write(("neg", self.place))
 
     def __mul__(self, other: Any) -> Term:
         if other.__class__ is not Term:
@@ -171,7 +184,8 @@ class Term:
             return -(other * self.builder.operand(self, 0))
         if other.operation == "neg":
             return -(self * self.builder.operand(other, 0))
-        return self.builder.write(("mul", *sorted((self.place, other.place))))
+        first, second = self.place, other.place
+        return self.builder.write(("mul", first, second) if first < second else ("mul", second, first))
 
     __rmul__ = __mul__
 

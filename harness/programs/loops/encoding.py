@@ -7,7 +7,6 @@ What is left of the functions that a program may hold has no code: such a progra
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -22,6 +21,8 @@ from harness.programs.terms import Builder, Term, symmetric
 
 SUM, DIFFERENCE, PRODUCT, QUOTIENT, ROOT, SINE_AND_COSINE, COSINE, ARCTANGENT = range(8)
 _CODES = dict(zip(("add", "sub", "mul", "div", "sqrt", "sine_and_cosine", "cosine", "atan2"), range(8), strict=True))
+# Operations that a program and the loops have alike, of two results.
+_ALIKE = frozenset({"add", "sub", "mul", "div", "atan2"})
 _BINARY = (SUM, DIFFERENCE, PRODUCT, QUOTIENT, ARCTANGENT)
 # Roundings of a partial derivative and of its product with an adjoint, which are fewer.
 _ROUNDINGS_OF_AN_EDGE = 8
@@ -121,6 +122,10 @@ def _written(program: StraightLineProgram) -> tuple[Builder, Outputs] | None:
     """The program in the operations of the loops, and the results of its outputs; None where a function has no code."""
     builder, found = Builder(program.inputs), list[Term]()
     for instruction in program.instructions:
+        if instruction[0] in _ALIKE:
+            operation, first, second = instruction
+            found.append(builder.write((operation, found[first].place, found[second].place)))
+            continue
         result = _result_of(builder, instruction, found)
         if result is None:
             return None
@@ -166,27 +171,26 @@ def _power(builder: Builder, base: Term, exponent: int) -> Term:
 
 def _placed(builder: Builder, outputs: Outputs) -> tuple[EncodedProgram, dict[str, Indices]]:
     """The program without a sweep: first the inputs, then the constants, then the instructions, each kind in its order."""
-    kinds = [0 if operation == "input" else 1 if operation in ("rational", "pi") else 2 for operation, *_ in builder.instructions]
+    kinds = [
+        0 if operation == "input" else 1 if operation in ("rational", "pi") else 2 for operation in (one[0] for one in builder.instructions)
+    ]
     places = np.empty(len(kinds), dtype=np.int64)
     places[np.argsort(kinds, kind="stable")] = np.arange(len(kinds))
-    constants, instructions = list[Number](), list[tuple[int, ...]]()
+    constants, rows, placed = list[Number](), list[tuple[int, int, int]](), places.tolist()
     for kind, (operation, *operands) in zip(kinds, builder.instructions, strict=True):
         if kind == 1:
             constants.append(pi() if operation == "pi" else exactly(Fraction(*map(int, operands))))
         elif kind == 2:
-            first, *others = (int(places[operand]) for operand in operands)
-            instructions.append((_CODES[operation], first, *(others or [0]), 0, 0, 0))
-    encoded = EncodedProgram(
-        inputs=kinds.count(0),
-        constants=np.array(constants, dtype=np.float64).reshape(-1, 3),
-        instructions=np.array(instructions, dtype=np.int32).reshape(-1, 6),
-    )
+            rows.append((_CODES[operation], placed[operands[0]], placed[operands[1]] if len(operands) > 1 else 0))
+    instructions = np.zeros((len(rows), 6), dtype=np.int32)
+    instructions[:, :3] = np.array(rows, dtype=np.int32).reshape(-1, 3)
+    encoded = EncodedProgram(kinds.count(0), np.array(constants, dtype=np.float64).reshape(-1, 3), instructions)
     return encoded, {name: places[np.array([term.place for term in terms], dtype=np.int64)] for name, terms in outputs.items()}
 
 
 def _rows(instructions: Indices, start: int, outputs: Collection[int]) -> Indices:
     """``Encoded.rows``: so few that they stay near the processor, where one for each of 30,000 results would not."""
-    rows = np.arange(start + len(instructions))
+    rows = list(range(start + len(instructions)))
     taken = {place for place in outputs if place >= start}
     for row, place in enumerate(sorted(taken), start):
         rows[place] = row
@@ -207,13 +211,12 @@ def _rows(instructions: Indices, start: int, outputs: Collection[int]) -> Indice
         for operand in operands if code in _BINARY else operands[:1]:
             take(operand)
         free += [rows[place], rows[place + 1]] if code == SINE_AND_COSINE else [rows[place]]
-    return rows
+    return np.array(rows, dtype=np.int64)
 
 
 def _most_roundings(instructions: Indices, start: int, inputs: int) -> int:
     """Roundings on any way from a result back to an input: of each step, and of each sum of the steps that meet."""
-    uses: Counter[int] = Counter()
-    before: Counter[int] = Counter()
+    uses, before = ([0] * (start + len(instructions)) for _ in range(2))
     for index, (code, *operands) in reversed(list(enumerate(instructions.tolist()))):
         result = start + index
         for operand in operands if code in _BINARY else operands[:1]:
