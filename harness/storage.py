@@ -13,12 +13,13 @@ import os
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Generic, TypeVar, cast
 
 from harness.errors import InvalidInput
 
 _PACKAGE = Path(__file__).resolve().parent
 T = TypeVar("T")
+_NOTHING = object()
 
 
 class Kept(Generic[T]):
@@ -33,12 +34,15 @@ class Kept(Generic[T]):
 
     def get(self, key: Hashable, make: Callable[[], T]) -> T:
         """The result of ``make`` for ``key``; the one that was used longest ago goes when there are too many."""
-        if key not in self._found:
-            self._found[key] = make()
-            if len(self._found) > self._most:
-                self._found.popitem(last=False)
-        self._found.move_to_end(key)
-        return self._found[key]
+        # A key may be a whole tree, whose hash is computed each time that it is looked up.
+        found = self._found.get(key, _NOTHING)
+        if found is not _NOTHING:
+            self._found.move_to_end(key)
+            return cast("T", found)
+        made = self._found[key] = make()
+        if len(self._found) > self._most:
+            self._found.popitem(last=False)
+        return made
 
 
 def cache_directory() -> Path:
