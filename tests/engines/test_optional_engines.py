@@ -48,7 +48,7 @@ DERIVATIVES = ("forward_dynamics_derivatives", "inverse_dynamics_derivatives")
 OPTIONAL = sorted(
     name for name, file in describe_engines(BUILT_IN, Workers).items() if file.optional and "@" not in name and file.formats != (EQUATIONS,)
 )
-IN_FLOAT32 = {"mjx_float32", "mujoco_warp", "newton", "physx"}
+IN_FLOAT32 = {"mjx_float32", "mujoco_warp", "newton", "newton_mujoco", "physx"}
 OF_ROBOTS_ALONE = {"physx"}
 # A pendulum of 2 m in float32, or with gravity that is off by 1e-5, of which float32 could not lose so much.
 FLOAT32 = """
@@ -188,11 +188,11 @@ def test_turns_between_frames_keep_power_and_undo_themselves() -> None:
     assert own_v[9] == v[6]
 
 
-def found_by(cache: Path, folder: Path, *words: str) -> Any:
-    """The JSON of a command with the environments of a cache, which ends well."""
+def found_by(cache: Path, folder: Path, *words: str, status: int = 0) -> Any:
+    """The JSON of a command with the environments of a cache, which ends with ``status``."""
     variables, command = {**os.environ, "HARNESS_CACHE": str(cache)}, [sys.executable, "-m", "harness", *words, "--json", "out.json"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=folder, env=variables, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.returncode == status, done.stdout + done.stderr
     return json.loads((folder / "out.json").read_text())
 
 
@@ -379,6 +379,42 @@ def test_newton_is_near_rigid_contact_but_for_parents_and_what_spins(
     assert {one.reason for one in refused.values()} == {"Newton is asked for 2,000 steps at most on a CPU, and this motion has 5,000"}
     free = fine_distances("newton", ["tippe top"], environment("newton"), monkeypatch, "as the file stands")
     assert {one.reason for one in free.values()} == {"Newton is asked to move hinges and slides alone here"}
+
+
+@pytest.mark.nightly
+def test_newton_s_mujoco_is_mujoco_s_law_where_the_importer_reads_the_file(environment: Callable[[str], Path], tmp_path: Path) -> None:
+    """A tree, a free joint, a ball joint, a rotor, a spring between points, two trees, references, dry friction and a limit."""
+    systems = ["acrobot", "satellite_wheel", "spherical_pendulum", "furuta_pendulum.armature", "collar", "coupled_oscillators"]
+    systems += ["arm_2r.offset_ref", "dry_pendulum", "limited_pendulum", "heavy_top"]
+    records = check_in_its_environment("newton_mujoco", systems, environment("newton_mujoco"), tmp_path)
+    verdicts = {(str(one["system"]), str(one["subject"])): one["verdict"] for one in records}
+    assert {verdicts[system, "newton_mujoco/mjcf"] for system in systems} == {"agrees"}
+    # Point masses have no inertia in a URDF, and MuJoCo takes none.
+    assert {verdict for (_, subject), verdict in verdicts.items() if subject == "newton_mujoco/urdf"} <= {"agrees", "unsupported"}
+
+
+@pytest.mark.nightly
+def test_newton_s_mujoco_is_judged_on_files_with_all_on(environment: Callable[[str], Path], tmp_path: Path) -> None:
+    """Sorted equalities, of which one that is not linear departs as MuJoCo's does, and a limit of a ball that is left out."""
+
+    def on(path: Path, explained: bool) -> dict[str, Any]:
+        words = "compare", str(path), "--subject", "newton_mujoco/mjcf"
+        (record,) = found_by(environment("newton_mujoco"), tmp_path, *words, status=0 if explained else 1)["switched_on"]
+        assert record["explained"] == explained
+        return dict(record)
+
+    rubbing = on(DRIVEN.with_name("rubbing.xml"), explained=True)
+    assert "limits no ball joint" in json.dumps(rubbing)
+    # A site that the importer drops is named, and its equality alone is wrong.
+    on(loops := DRIVEN.with_name("four_bar.xml"), explained=False)
+    without = tmp_path / "without.xml"
+    without.write_text(loops.read_text().replace('<connect name="loop" site1="foot" site2="ground"/>', ""))
+    on(without, explained=True)
+    lifted = tmp_path / "lifted.xml"
+    lifted.write_text("""<mujoco><worldbody><site name="ground" pos="0 0 0.5"/><body><joint type="slide" axis="0 0 1"/>
+    <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/><site name="foot"/></body></worldbody>
+    <equality><connect site1="foot" site2="ground"/></equality></mujoco>""")
+    assert any("site pos z = 0.5: the engine behaves as with" in one for one in on(lifted, explained=False)["rest"])
 
 
 @pytest.mark.nightly

@@ -155,6 +155,12 @@ def _is_linear(tree: Tree, says: AnyRows | None) -> bool:
     return isinstance(says, DryFriction | Limit) and not isinstance(says.of, Polygon)
 
 
+def _without_limits_of_balls(tree: Tree, constraint: Constraint, law: ConstraintLaw) -> ConstraintLaw:
+    """The law of a limit of a ball joint, whose force is zero."""
+    balls = {joint.name for joint in tree.joints if joint.kind == JointKind.BALL}
+    return replace(law, force_range=(0.0, 0.0)) if isinstance(constraint.says, Limit) and constraint.says.of in balls else law
+
+
 def _mean_impedance_of_friction(_: Tree, constraint: Constraint, law: ConstraintLaw) -> ConstraintLaw:
     """The law of dry friction whose ``solimp`` has no width."""
     softness = constraint.softness
@@ -186,7 +192,7 @@ _OF_MJX = Departure(
     law=_without_curvature,
 )
 
-_DEPARTURES = (
+_OF_MUJOCO = (
     Departure(
         name="inverse weight of a slider",
         engine="mujoco",
@@ -226,6 +232,22 @@ _DEPARTURES = (
         remedy="expect the error to grow with the square of the speed",
         source=f"{_DUAL_PROBLEM}; MuJoCo, src/engine/engine_core_constraint.c, mj_Jdotv: rows of connect and weld alone",
         law=_without_curvature_of_bounds,
+    ),
+)
+# Newton writes simple="false" on each body, and centres of its own.
+_OF_MUJOCO_IN_NEWTON = ("impedance of friction without width", "J' v of couplings", "J' v of tendons and ball joints")
+
+_DEPARTURES = (
+    *_OF_MUJOCO,
+    *(replace(one, engine="newton_mujoco") for one in _OF_MUJOCO if one.name in _OF_MUJOCO_IN_NEWTON),
+    Departure(
+        name="limits of ball joints",
+        engine="newton_mujoco",
+        sentence="Newton's SolverMuJoCo limits no ball joint, whatever range the file gives it",
+        remedy="make the joint of three hinges with limits",
+        source="MuJoCo documentation, XML reference, body/joint: range, of ball joints; Newton 1.8, "
+        "newton/_src/solvers/mujoco/solver_mujoco.py, JointType.BALL: limited=False",
+        law=_without_limits_of_balls,
     ),
     *(replace(_OF_MJX, engine=name) for name in ("mjx", "mjx_float32")),
     Departure(

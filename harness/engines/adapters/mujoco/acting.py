@@ -27,23 +27,24 @@ def let_act(model: Any, places: Mapping[str, Any], held: Held) -> None:
     Raises:
         ValueError: the compiled model has other equalities than the file.
     """
-    _switch_on(model, held.kinds, held.switched_on)
+    switch_on(model, held.kinds, held.switched_on)
     drive(model, held.actuators)
     rub_and_limit(model, places, held.rubbing, held.limited)
     if held.solver is not None:
         _solve_by(model, held.solver)
 
 
-def _switch_on(model: Any, kinds: Sequence[str], numbers: Sequence[int]) -> None:
-    """``kinds`` are the tags of all equalities that the file holds."""
+def switch_on(model: Any, kinds: Sequence[str], numbers: Sequence[int]) -> None:
+    """``kinds`` are the tags of all equalities that the file holds; those of one kind are in its order, if kinds may be sorted."""
     model.eq_active0[:] = 0
     if not numbers:
         return
     found = [mujoco.mjtEq(int(one)).name.removeprefix("mjEQ_").lower() for one in model.eq_type]
     wanted = [_TYPES.get(kind, kind) for kind in kinds]
-    if found != wanted:
+    if sorted(found) != sorted(wanted):
         raise ValueError(f"MuJoCo makes the equalities {', '.join(found) or 'none'} of the file's {', '.join(wanted)}")
-    model.eq_active0[list(numbers)] = 1
+    places = {kind: [place for place, one in enumerate(found) if one == kind] for kind in wanted}
+    model.eq_active0[[places[wanted[number]][wanted[:number].count(wanted[number])] for number in numbers]] = 1
 
 
 def actuators_of(model: Any, names: Sequence[str]) -> list[int]:
@@ -80,9 +81,16 @@ def stages_of(acting: Collection[str]) -> set[str]:
 
 def rub_and_limit_alone(model: Any, joints: Collection[str], acting: Collection[str]) -> None:
     """The same of joints, by the names of what acts, as "dry friction of joint elbow"."""
-    places = {name: model.joint(name) for name in joints}
-    owners = {stage: {name.partition(" of ")[2] for name in acting if stages_of([name]) == {stage}} for stage in ("frictionloss", "limit")}
-    rub_and_limit(model, places, owners["frictionloss"], owners["limit"])
+    held = held_of(acting)
+    rub_and_limit(model, {name: model.joint(name) for name in joints}, held.rubbing, held.limited)
+
+
+def held_of(acting: Collection[str]) -> Held:
+    """Dry friction and limits of these names alone."""
+    owners = {
+        stage: tuple(name.partition(" of ")[2] for name in acting if stages_of([name]) == {stage}) for stage in ("frictionloss", "limit")
+    }
+    return Held((), (), rubbing=owners["frictionloss"], limited=owners["limit"])
 
 
 def rub_and_limit(model: Any, places: Mapping[str, Any], rubbing: Collection[str], limited: Collection[str]) -> None:

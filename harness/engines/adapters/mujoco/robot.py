@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -205,12 +205,12 @@ def _places(model: Any, joints: Sequence[AskedJoint]) -> dict[str, Any]:
 
 
 class MujocoFile(LoadedFile):
-    """An ``MjModel`` with the joints of a request."""
+    """An ``MjModel`` with the joints of a request; ``places`` are MuJoCo's by their names, where they have others there."""
 
     applies_dampers = True
     applies_springs = True
 
-    def __init__(self, model: Any, request: Request, notes: Sequence[str]) -> None:
+    def __init__(self, model: Any, request: Request, notes: Sequence[str], places: Mapping[str, Any] | None = None) -> None:
         held = request.held
         acting = (
             {"actuation": held.actuators, "frictionloss": held.rubbing, "limit": held.limited, "contact": held.touches}
@@ -219,7 +219,7 @@ class MujocoFile(LoadedFile):
         )
         model.opt.disableflags |= stages_off(held is not None, [stage for stage, named in acting.items() if named])
         model.opt.density = model.opt.viscosity = 0.0
-        places = _places(model, request.joints)
+        places = _places(model, request.joints) if places is None else places
         super().__init__(request, places)
         self.notes = tuple(notes)
         parts = [range(places[joint.name].id, places[joint.name].id + _PARTS.get(joint.kind, 1)) for joint in self.found]

@@ -34,7 +34,7 @@ GIVEN = ("qvel", "qfrc_applied", "ctrl", "act", "qacc")
 
 
 class ModelInWorlds:
-    """An ``MjModel`` in worlds of Warp.
+    """An ``MjModel`` in ``BLOCK`` worlds of Warp; ``put`` are Warp's model and data of it where another program has put it there.
 
     Attributes:
         repeats: whether it computes each state twice, for what takes velocities of the call before; see ``VELOCITIES_BEFORE``.
@@ -45,14 +45,14 @@ class ModelInWorlds:
 
     touches_as_mujoco = True
 
-    def __init__(self, model: Any) -> None:
+    def __init__(self, model: Any, put: tuple[Any, Any] | None = None) -> None:
         self.contacts: Sequence[Sequence[Any]] = ()
         self._touches = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         ties = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
         self.repeats = bool(np.isin(model.eq_type, ties).any())
         with warp.ScopedDevice("cpu"):
             room = {"nconmax": MOST_CONTACTS, "njmax": MOST_ROWS} if self._touches else {}
-            self._model, self._data = mujoco_warp.put_model(model), mujoco_warp.make_data(model, nworld=BLOCK, **room)
+            self._model, self._data = put or (mujoco_warp.put_model(model), mujoco_warp.make_data(model, nworld=BLOCK, **room))
 
     def accelerations(self, qpos: Array, qvel: Array, applied: Array, *driving: Array) -> Array:
         """See ``harness.engines.adapters.mujoco.on_device``."""
@@ -94,10 +94,7 @@ class ModelInWorlds:
 
 
 class WarpModel(DeviceModel[ModelInWorlds]):
-    """A mechanism's ``MjModel`` in worlds of Warp; raises as ``ModelInWorlds``."""
-
-    def __init__(self, model: Any, joints: Sequence[str], driven: Sequence[int] = ()) -> None:
-        super().__init__(MujocoModel(model, joints, driven=driven), ModelInWorlds(model))
+    """A mechanism's ``MjModel`` in worlds of Warp."""
 
     def mass_matrix(self, q: Array) -> Array:
         """``Data.M``."""
@@ -133,7 +130,7 @@ def load(file: ModelFile, joints: Sequence[str]) -> WarpModel:
     driven = actuators_of(model, file.driven)
     still(model, driven)
     try:
-        return WarpModel(model, joints, driven)
+        return WarpModel(MujocoModel(model, joints, driven=driven), ModelInWorlds(model))
     except NotImplementedError as error:
         raise Unsupported(f"MuJoCo Warp: {error}") from error
 

@@ -18,7 +18,7 @@ from harness.engines.request import Request
 from harness.files.findings import EQUALITIES, FRICTION, LIMITS
 
 if TYPE_CHECKING:
-    from harness.engines.adapters.newton.worlds import NewtonFile
+    from harness.engines.loaded_file import LoadedFile
 
 _CALL = (
     "b = newton.ModelBuilder(); b.{read}; m = b.finalize(); s = newton.solvers.SolverFeatherstone(m); "
@@ -30,7 +30,7 @@ _CALL = (
 class NewtonEngine(Engine):
     title = "Newton"
     requires = ("newton", "newton")
-    formats = ("mjcf", "urdf", "usd")
+    formats: tuple[str, ...] = ("mjcf", "urdf", "usd")
     optional = True
     companions: Mapping[str, tuple[str, ...]] = {">=1.8": ("usd-core", "newton-usd-schemas")}
     factorises_mass_matrix = True
@@ -53,7 +53,7 @@ class NewtonEngine(Engine):
         "usd": _CALL.format(read="add_usd(PATH)"),
     }
 
-    def read(self, request: Request) -> NewtonFile:
+    def read(self, request: Request) -> LoadedFile:
         from harness.engines.adapters.newton.worlds import read
 
         return read(request)

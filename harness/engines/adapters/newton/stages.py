@@ -6,7 +6,7 @@ Source: Newton documentation, ``ModelBuilder.add_usd`` and ``add_articulation``;
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import newton
@@ -16,16 +16,16 @@ from harness.engines.request import AskedJoint, Refused, Request
 from harness.files.joint_kinds import JointKind
 
 
-def read_stage(request: Request) -> tuple[Any, Mapping[int, Sequence[AskedJoint]]]:
+def read_stage(request: Request, builder: Callable[[], Any]) -> tuple[Any, Mapping[int, Sequence[AskedJoint]]]:
     """The builder with the stage of a request, and what each of its joints is made of.
 
-    For an aided one the first body of each tree that is in no articulation is the root of one.
+    For an aided one the first body of each tree that is in no articulation is the root of one. ``builder`` makes a ``ModelBuilder``.
 
     Raises:
         Refused: there is such a tree, and the request is not aided; or one of a body by itself, of which the solver would take another
             body's inertia.
     """
-    stage, robot = Usd.Stage.Open(str(request.path)), newton.ModelBuilder()
+    stage, robot = Usd.Stage.Open(str(request.path)), builder()
     paths, tree = robot.add_usd(stage)["path_joint_map"], {joint.tag for joint in request.joints}
     moving = [path for path, number in paths.items() if robot.joint_type[number] != newton.JointType.FIXED]
     closing = [f"{re.escape(path)}$" for path in moving if path not in tree]
@@ -39,7 +39,7 @@ def read_stage(request: Request) -> tuple[Any, Mapping[int, Sequence[AskedJoint]
         stage.SetEditTarget(stage.GetSessionLayer())
         for number in {paths[path] for path in loose if robot.joint_parent[paths[path]] < 0}:
             UsdPhysics.ArticulationRootAPI.Apply(stage.GetPrimAtPath(robot.body_label[robot.joint_child[number]]))
-        robot = newton.ModelBuilder()
+        robot = builder()
         paths = robot.add_usd(stage, ignore_paths=closing)["path_joint_map"]
     if request.aid is not None:
         _articulate(robot)

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import itertools
 import warnings
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Generic, TypeVar
 
 import newton
 import numpy as np
@@ -22,6 +22,7 @@ from harness.arrays import Array
 from harness.engines.adapters.newton.quantities import BLOCK, NewtonQuantities, filled
 from harness.engines.coordinates import BALL, FREE, cross_matrix, multiplied, rotation, rotations
 from harness.engines.interface import LoadedModel, Unsupported
+from harness.engines.loaded_file import LoadedFile
 from harness.engines.reading import elements_of, text_of, without_shapes
 from harness.engines.request import AskedJoint, Refused, Request
 from harness.engines.state_by_state import pull_of
@@ -31,6 +32,7 @@ from harness.files.tree import WORLD
 
 # By the number of a joint of Newton, the joints of the request that it is made of.
 Joined = Mapping[int, Sequence[AskedJoint]]
+File = TypeVar("File", bound=LoadedFile)
 _INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
 # Length of a step [s], on which no acceleration depends.
 _STEP = 1e-3
@@ -44,7 +46,7 @@ class NewtonFile(NewtonQuantities):
     """
 
     def __init__(self, request: Request, robot: Any, joined: Joined) -> None:
-        starts = _starts(robot, joined)
+        starts = starts_of(robot, joined)
         super().__init__(request, starts)
         self.applies_springs, self.applies_dampers = request.format == "mjcf", request.format != "usd"
         self.starts = starts
@@ -232,7 +234,8 @@ def _joined(robot: Any, request: Request) -> Joined:
     found: dict[int, Sequence[AskedJoint]] = {}
     for number, label in enumerate(robot.joint_label):
         kind, count = newton.JointType(robot.joint_type[number]), sum(robot.joint_dof_dim[number])
-        if kind == newton.JointType.FIXED:
+        # A joint of no tree is an equality of the file.
+        if kind == newton.JointType.FIXED or robot.joint_articulation[number] < 0:
             continue
         own = label.rpartition("/")[2]
         if own == "floating_base" and request.floating_base:
@@ -254,7 +257,7 @@ def spelt(joined: str, names: Sequence[str], count: int) -> list[str] | None:
     return None
 
 
-def _starts(robot: Any, joined: Joined) -> dict[str, tuple[int, int]]:
+def starts_of(robot: Any, joined: Joined) -> dict[str, tuple[int, int]]:
     """The first position and the first velocity of each joint of the request; slides of a body go before its hinges."""
     found = {}
     for number, those in joined.items():
@@ -267,6 +270,11 @@ def _starts(robot: Any, joined: Joined) -> dict[str, tuple[int, int]]:
 
 def read(request: Request) -> NewtonFile:
     """See ``harness.engines.Engine.read``."""
+    return read_by(request, newton.ModelBuilder, NewtonFile)
+
+
+def read_by(request: Request, builder: Callable[[], Any], load: Callable[[Request, Any, Joined], File]) -> File:
+    """A file in the solver that ``load`` gives what the importer has made of it, in a ``ModelBuilder`` of ``builder``; raises Refused."""
     keep_compiled(warp)
     if request.supplied_ball_joint:
         raise Unsupported(f"ball joint {request.supplied_ball_joint!r}, which no URDF has")
@@ -275,45 +283,52 @@ def read(request: Request) -> NewtonFile:
             raise Refused(f"planar joint {joint.name!r}: its importer makes two slides of one, which cannot turn")
         if joint.kind == JointKind.FREE and not joint.is_measured_in_the_world:
             raise Refused(f"free joint {joint.name!r} is measured in a frame of the file")
+    importer = _Importer(request, builder, load)
     try:
-        return _imported(request, str(request.path) if request.text is None else request.text)
+        return importer.file(str(request.path) if request.text is None else request.text)
     except Refused as refusal:
         # A mesh may be elsewhere, or of a kind that takes another package.
         if request.format != "urdf" or elements_of(request).find(".//geometry/mesh") is None:
             raise
-        without = _imported(request, text_of(without_shapes(elements_of(request), meshes_alone=True)))
+        without = importer.file(text_of(without_shapes(elements_of(request), meshes_alone=True)))
         without.notes = (f"refused with its meshes, and read without them: {refusal}",)
         return without
 
 
-def _imported(request: Request, source: str) -> NewtonFile:
-    """A file, or its text, as the importer reads it.
+class _Importer(Generic[File]):
+    """Newton's importers, for one file."""
 
-    Raises:
-        Refused: in the importer's words, or as ``stages.read_stage``.
-    """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            robot, joined = _robot_of(request, source)
-    except Refused:
-        raise
-    except Exception as error:
-        raise Refused(f"{type(error).__name__}: {' '.join(str(error).split())}") from error
-    return NewtonFile(request, robot, joined)
+    def __init__(self, request: Request, builder: Callable[[], Any], load: Callable[[Request, Any, Joined], File]) -> None:
+        self._request, self._builder, self._load = request, builder, load
 
+    def file(self, source: str) -> File:
+        """A file, or its text, as the importer reads it.
 
-def _robot_of(request: Request, source: str) -> tuple[Any, Joined]:
-    if request.format == "usd":
-        # Imported late: files of other formats are read where OpenUSD is not.
-        from harness.engines.adapters.newton.stages import read_stage
+        Raises:
+            Refused: in the importer's words, or as ``stages.read_stage``.
+        """
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                robot, joined = self._robot_of(source)
+        except Refused:
+            raise
+        except Exception as error:
+            raise Refused(f"{type(error).__name__}: {' '.join(str(error).split())}") from error
+        return self._load(self._request, robot, joined)
 
-        return read_stage(request)
-    robot = newton.ModelBuilder()
-    if request.format == "mjcf":
-        robot.add_mjcf(source, skip_equality_constraints=True)
+    def _robot_of(self, source: str) -> tuple[Any, Joined]:
+        request = self._request
+        if request.format == "usd":
+            # Imported late: files of other formats are read where OpenUSD is not.
+            from harness.engines.adapters.newton.stages import read_stage
+
+            return read_stage(request, self._builder)
+        robot = self._builder()
+        if request.format == "mjcf":
+            robot.add_mjcf(source, skip_equality_constraints=request.held is None)
+            return robot, _joined(robot, request)
+        if request.aid is not None:
+            robot.default_shape_cfg.density = 0.0
+        robot.add_urdf(source, floating=bool(request.floating_base) or None)
         return robot, _joined(robot, request)
-    if request.aid is not None:
-        robot.default_shape_cfg.density = 0.0
-    robot.add_urdf(source, floating=bool(request.floating_base) or None)
-    return robot, _joined(robot, request)

@@ -130,41 +130,6 @@ READINGS = readings_of(
     "newton",
     {
         _MJCF: {
-            _left_out.actuators: (
-                "Newton makes drives only of position and velocity actuators of joints, whose targets the user sets; they are off here",
-                _left_out.DRIVE,
-                f"{_IMPORTER}, parse_actuators: JOINT_TARGET; all others are of SolverMuJoCo alone",
-            ),
-            _left_out.rotors_of_actuators: (
-                "Newton's importer of MJCF gives joints neither the armature nor the damping of actuators",
-                _left_out.ADD_TO_TARGET,
-                f"{_IMPORTER}, parse_actuators, whose custom attributes SolverMuJoCo alone has",
-            ),
-            _left_out.gravity_compensation: (
-                "SolverFeatherstone carries no weights: gravcomp is an attribute of SolverMuJoCo",
-                _left_out.CARRY_WEIGHTS,
-                "Newton documentation, custom attributes: mujoco:gravcomp",
-            ),
-            _left_out.point_springs: (
-                "SolverFeatherstone has no spatial tendons; SolverMuJoCo has",
-                _left_out.ADD_POINT_SPRINGS,
-                f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such force",
-            ),
-            _left_out.slack_springs: (
-                "SolverFeatherstone has no spatial tendons; SolverMuJoCo has",
-                _left_out.ADD_POINT_SPRINGS,
-                f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such force",
-            ),
-            _left_out.tendon_inertias: (
-                "SolverFeatherstone has no spatial tendons, nor their inertia; SolverMuJoCo has",
-                _left_out.ADD_TENDON_INERTIAS,
-                f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such inertia",
-            ),
-            _left_out.linear_tendons: (
-                "SolverFeatherstone has no tendons on joints; SolverMuJoCo has",
-                _left_out.ADD_TENDONS,
-                f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such force",
-            ),
             _bare_floats: (
                 "Newton's importer of MJCF gives a free joint neither damping nor armature",
                 _left_out.ADD_DAMPING,
@@ -269,4 +234,48 @@ READINGS = readings_of(
         },
     },
     is_misread=True,
+)
+
+OF_THE_SOLVER = readings_of(
+    "newton",
+    {
+        _MJCF: {
+            _left_out.actuators: (
+                "Newton makes drives only of position and velocity actuators of joints, whose targets the user sets; they are off here",
+                _left_out.DRIVE,
+                f"{_IMPORTER}, parse_actuators: JOINT_TARGET; all others are of SolverMuJoCo alone",
+            ),
+            _left_out.rotors_of_actuators: (
+                "Newton's importer of MJCF gives joints neither the armature nor the damping of actuators",
+                _left_out.ADD_TO_TARGET,
+                f"{_IMPORTER}, parse_actuators, whose custom attributes SolverMuJoCo alone has",
+            ),
+            _left_out.gravity_compensation: (
+                "SolverFeatherstone carries no weights: gravcomp is an attribute of SolverMuJoCo",
+                _left_out.CARRY_WEIGHTS,
+                "Newton documentation, custom attributes: mujoco:gravcomp",
+            ),
+            _left_out.point_springs: (
+                "SolverFeatherstone has no spatial tendons; SolverMuJoCo has",
+                _left_out.ADD_POINT_SPRINGS,
+                f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such force",
+            ),
+            _left_out.slack_springs: (
+                "SolverFeatherstone has no spatial tendons; SolverMuJoCo has",
+                _left_out.ADD_POINT_SPRINGS,
+                f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such force",
+            ),
+            _left_out.tendon_inertias: (
+                "SolverFeatherstone has no spatial tendons, nor their inertia; SolverMuJoCo has",
+                _left_out.ADD_TENDON_INERTIAS,
+                f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such inertia",
+            ),
+            _left_out.linear_tendons: (
+                "SolverFeatherstone has no tendons on joints; SolverMuJoCo has",
+                _left_out.ADD_TENDONS,
+                f"{_IMPORTER}, parse_tendons; {_SOLVER}, which has no such force",
+            ),
+        },
+    },
+    is_of_program=True,
 )
