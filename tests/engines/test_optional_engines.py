@@ -411,7 +411,7 @@ def test_newton_s_mujoco_is_judged_on_files_with_all_on(environment: Callable[[s
     without.write_text(loops.read_text().replace('<connect name="loop" site1="foot" site2="ground"/>', ""))
     on(without, explained=True)
     lifted = tmp_path / "lifted.xml"
-    lifted.write_text("""<mujoco><worldbody><site name="ground" pos="0 0 0.5"/><body><joint type="slide" axis="0 0 1"/>
+    lifted.write_text("""<mujoco><worldbody><site name="ground" pos="0 0 0.5"/><body name="block"><joint name="lift" type="slide"/>
     <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/><site name="foot"/></body></worldbody>
     <equality><connect site1="foot" site2="ground"/></equality></mujoco>""")
     assert any("site pos z = 0.5: the engine behaves as with" in one for one in on(lifted, explained=False)["rest"])
