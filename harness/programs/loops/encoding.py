@@ -17,7 +17,7 @@ import numpy as np
 from harness.arrays import Array, Indices
 from harness.programs.numbers import UNIT_ROUNDOFF, Number, exactly, pi
 from harness.programs.program import OUTPUTS, SYSTEM, Instruction, StraightLineProgram, position_count
-from harness.programs.terms import Builder, Term, symmetric
+from harness.programs.terms import symmetric
 
 SUM, DIFFERENCE, PRODUCT, QUOTIENT, ROOT, SINE_AND_COSINE, COSINE, ARCTANGENT = range(8)
 _CODES = dict(zip(("add", "sub", "mul", "div", "sqrt", "sine_and_cosine", "cosine", "atan2"), range(8), strict=True))
@@ -83,13 +83,13 @@ def encode(program: StraightLineProgram) -> Encoded | None:
     written = _written(program)
     if written is None:
         return None
-    builder, outputs = written
+    writer, outputs = written
     nv, first = len(outputs["velocity"]), position_count(program) + len(outputs["velocity"])
-    forces = [builder.add("add", *pair) for pair in zip(builder.inputs[first : first + nv], outputs["passive"], strict=True)]
-    others = [builder.add("add", *pair) for pair in zip(outputs["velocity"], outputs["gravity"], strict=True)]
-    force = [builder.add("sub", *pair) for pair in zip(forces, others, strict=True)]
+    forces = [writer.add("add", *pair) for pair in zip(range(first, first + nv), outputs["passive"], strict=True)]
+    others = [writer.add("add", *pair) for pair in zip(outputs["velocity"], outputs["gravity"], strict=True)]
+    force = [writer.add("sub", *pair) for pair in zip(forces, others, strict=True)]
     matrices = {name: list(symmetric(outputs.get(name, outputs["mass"]), nv).flat) for name in ("mass", SYSTEM)}
-    encoded, places = _placed(builder, {**outputs, **matrices, "force": force})
+    encoded, places = _placed(writer, {**outputs, **matrices, "force": force})
     (mass, system), start = (places[name].reshape(nv, nv) for name in matrices), encoded.inputs + len(encoded.constants)
     instructions = encoded.instructions[:, :3].astype(np.int64)
     rows = _rows(instructions, start, {*system.flat, *places["force"]})
@@ -115,77 +115,90 @@ def encode_program(program: StraightLineProgram) -> tuple[EncodedProgram, dict[s
     return None if written is None else _placed(*written)
 
 
-Outputs = dict[str, list[Term]]
+# Places of results by the names of outputs.
+Outputs = dict[str, list[int]]
 
 
-def _written(program: StraightLineProgram) -> tuple[Builder, Outputs] | None:
+class _LoopProgram:
+    """A program in the operations of the loops: each distinct instruction once, to its place among them, inputs first."""
+
+    def __init__(self, inputs: int) -> None:
+        self.places: dict[Instruction, int] = {("input", place): place for place in range(inputs)}
+
+    def add(self, *instruction: Any) -> int:
+        """The place of an instruction, whose operands are literals and places."""
+        return self.places.setdefault(instruction, len(self.places))
+
+    def number(self, value: int) -> int:
+        """The place of a literal."""
+        return self.add("rational", str(value), "1")
+
+
+def _written(program: StraightLineProgram) -> tuple[_LoopProgram, Outputs] | None:
     """The program in the operations of the loops, and the results of its outputs; None where a function has no code."""
-    builder, found = Builder(program.inputs), list[Term]()
+    writer, found = _LoopProgram(len(program.inputs)), list[int]()
+    places = writer.places
     for instruction in program.instructions:
         if instruction[0] in _ALIKE:
             operation, first, second = instruction
-            found.append(builder.write((operation, found[first].place, found[second].place)))
+            found.append(places.setdefault((operation, found[first], found[second]), len(places)))
             continue
-        result = _result_of(builder, instruction, found)
+        result = _result_of(writer, instruction, found)
         if result is None:
             return None
         found.append(result)
-    return builder, {name: [found[index] for index in indices] for name, indices in program.outputs.items()}
+    return writer, {name: [found[index] for index in indices] for name, indices in program.outputs.items()}
 
 
-def _result_of(builder: Builder, instruction: Instruction, found: Sequence[Term]) -> Term | None:
+def _result_of(writer: _LoopProgram, instruction: Instruction, found: Sequence[int]) -> int | None:
     """The result of a program's instruction, given those of the earlier ones; None for a function without code."""
-    add = builder.add
+    add = writer.add
     match instruction:
-        case ("input", int(index)):
-            return builder.inputs[index]
-        case ("rational" | "pi", *_):
-            return builder.write(instruction)
+        case ("input" | "rational" | "pi", *_):
+            return add(*instruction)
         case ("neg", int(operand)):
-            return add("sub", builder.number(0), found[operand])
+            return add("sub", writer.number(0), found[operand])
         case ("integer_power", int(base), int(exponent)):
-            return _power(builder, found[base], exponent)
+            return _power(writer, found[base], exponent)
         case ("sin" | "cos" | "tan" as name, int(angle)):
             sine = add("sine_and_cosine", found[angle])
             cosine = add("cosine", sine)
-            return {"sin": sine, "cos": cosine}.get(name) or add("div", sine, cosine)
+            return {"sin": sine, "cos": cosine}[name] if name != "tan" else add("div", sine, cosine)
         case ("atan", int(operand)):
-            return add("atan2", found[operand], builder.number(1))
-        case (str(name), *operands) if name in _CODES:
-            return add(name, *(found[operand] for operand in operands if isinstance(operand, int)))
+            return add("atan2", found[operand], writer.number(1))
+        case ("sqrt", int(operand)):
+            return add("sqrt", found[operand])
         case _:
             return None
 
 
-def _power(builder: Builder, base: Term, exponent: int) -> Term:
+def _power(writer: _LoopProgram, base: int, exponent: int) -> int:
     result = None
     for digit in bin(abs(exponent))[2:]:
-        result = result if result is None else builder.add("mul", result, result)
+        result = result if result is None else writer.add("mul", result, result)
         if digit == "1":
-            result = base if result is None else builder.add("mul", result, base)
+            result = base if result is None else writer.add("mul", result, base)
     if result is None or exponent < 0:
-        one = builder.number(1)
-        return one if result is None else builder.add("div", one, result)
+        one = writer.number(1)
+        return one if result is None else writer.add("div", one, result)
     return result
 
 
-def _placed(builder: Builder, outputs: Outputs) -> tuple[EncodedProgram, dict[str, Indices]]:
+def _placed(writer: _LoopProgram, outputs: Outputs) -> tuple[EncodedProgram, dict[str, Indices]]:
     """The program without a sweep: first the inputs, then the constants, then the instructions, each kind in its order."""
-    kinds = [
-        0 if operation == "input" else 1 if operation in ("rational", "pi") else 2 for operation in (one[0] for one in builder.instructions)
-    ]
+    kinds = [0 if operation == "input" else 1 if operation in ("rational", "pi") else 2 for operation, *_ in writer.places]
     places = np.empty(len(kinds), dtype=np.int64)
     places[np.argsort(kinds, kind="stable")] = np.arange(len(kinds))
     constants, rows, placed = list[Number](), list[tuple[int, int, int]](), places.tolist()
-    for kind, (operation, *operands) in zip(kinds, builder.instructions, strict=True):
-        if kind == 1:
-            constants.append(pi() if operation == "pi" else exactly(Fraction(*map(int, operands))))
-        elif kind == 2:
-            rows.append((_CODES[operation], placed[operands[0]], placed[operands[1]] if len(operands) > 1 else 0))
+    for kind, instruction in zip(kinds, writer.places, strict=True):
+        if kind == 2:
+            rows.append((_CODES[instruction[0]], placed[instruction[1]], placed[instruction[2]] if len(instruction) > 2 else 0))
+        elif kind == 1:
+            constants.append(pi() if instruction[0] == "pi" else exactly(Fraction(*map(int, instruction[1:]))))
     instructions = np.zeros((len(rows), 6), dtype=np.int32)
     instructions[:, :3] = np.array(rows, dtype=np.int32).reshape(-1, 3)
     encoded = EncodedProgram(kinds.count(0), np.array(constants, dtype=np.float64).reshape(-1, 3), instructions)
-    return encoded, {name: places[np.array([term.place for term in terms], dtype=np.int64)] for name, terms in outputs.items()}
+    return encoded, {name: places[np.array(own, dtype=np.int64)] for name, own in outputs.items()}
 
 
 def _rows(instructions: Indices, start: int, outputs: Collection[int]) -> Indices:
