@@ -47,8 +47,8 @@ class SolverFile(DeviceFile):
         if held.limited and request.format == "urdf":
             raise Refused("SolverMuJoCo pushes joints of a URDF back from their limits by gains of Newton's own, which no URDF gives")
         _rub_and_limit(robot, request.joints, starts, held)
-        if request.aid is not None:
-            # They bound actuators, which are off, and SolverMuJoCo takes no effort of zero.
+        if request.aid is not None and request.format == "urdf":
+            # They bound actuators, of which a URDF has none, and SolverMuJoCo takes no effort of zero.
             robot.joint_effort_limit = [_NO_LIMIT] * robot.joint_dof_count
         scene = newton.ModelBuilder()
         newton.solvers.SolverMuJoCo.register_custom_attributes(scene)
@@ -69,9 +69,11 @@ class SolverFile(DeviceFile):
         velocities = solver.mjc_dof_to_newton_dof.numpy()[0].tolist()
         places = {name: compiled.joint(compiled.dof_jntid[velocities.index(start)]) for name, (_, start) in starts.items()}
         read = MujocoFile(compiled, request, (), places)
-        on_device.opt.disableflags |= compiled.opt.disableflags | int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+        on_device.opt.disableflags |= compiled.opt.disableflags
+        self._actuators = _actuators(solver, robot)
         with warp.ScopedDevice("cpu"):
             solver.mjw_data.eq_active.assign(np.tile(compiled.eq_active0.astype(bool), (BLOCK, 1)))
+            _still(on_device, [place for place, number in enumerate(self._actuators) if number not in held.actuators])
         super().__init__(read, worlds := ModelInWorlds(compiled, (on_device, solver.mjw_data)))
         self._model = WarpModel(read.placed, worlds)
         # Of a URDF the importer reads no springs.
@@ -81,8 +83,24 @@ class SolverFile(DeviceFile):
         own = self._model.loaded()
         return replace(own, joints={joint.name: joint.kind.sizes for joint in self.found})
 
-    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
-        return super().forward_dynamics(q, v, tau + self.supplied(q, v))
+    @property
+    def takes_driving(self) -> bool:
+        """See ``harness.engines``."""
+        return bool(self.request.driven)
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
+        """See ``LoadedFile``; of a mechanism, with controls of the actuators that act, in their order."""
+        return self.driven_dynamics(q, v, tau, *(self._of_all(own, self.request.driven) for own in driving))
+
+    def driven_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
+        own = (self._of_all(one, range(one.shape[1]))[:, self._actuators] for one in driving)
+        return super().driven_dynamics(q, v, tau + self.supplied(q, v), *own)
+
+    def _of_all(self, own: Array, numbers: Sequence[int]) -> Array:
+        """(n, actuators of the file), of those with these numbers; 0 of all others."""
+        found = np.zeros((len(own), len(self._actuators)))
+        found[:, list(numbers)] = own
+        return found
 
     @property
     def quantities(self) -> WarpModel:
@@ -108,9 +126,10 @@ def read(request: Request) -> SolverFile:
 
 def load(file: ModelFile, joints: Sequence[str], gravity: float) -> SolverFile:
     """See ``harness.engines.Engine.load``."""
-    request = model_request(file, joints, gravity)
+    request, names = model_request(file, joints, gravity), [name for name, _ in file.actuators]
+    held = replace(held_of(file.acting), actuators=tuple(names.index(name) for name in file.driven))
     try:
-        return read(replace(request, held=held_of(file.acting)) if file.acting else request)
+        return read(replace(request, held=held) if file.acting or file.driven else request)
     except Refused as refusal:
         raise (ValueError if file.format == "mjcf" else Unsupported)(str(refusal)) from refusal
 
@@ -137,6 +156,49 @@ def _rub_and_limit(robot: Any, joints: tuple[AskedJoint, ...], starts: Mapping[s
             friction[tendon] = 0.0
         if name not in held.limited:
             limited[tendon] = 0
+
+
+def _actuators(solver: Any, robot: Any) -> list[int]:
+    """The number in the file of each actuator of the solver, which has those that drive towards targets of joints first.
+
+    Raises:
+        Refused: the importer or the solver leaves one out.
+    """
+    rows = [robot.custom_attributes[f"mujoco:{name}"].values or [] for name in ("ctrl_source", "ctrl_type", "actuator_trnid")]
+    kinds = newton.solvers.SolverMuJoCo.CtrlType
+    targets = {
+        (int(trnid[0]), kind == kinds.VELOCITY): number
+        for number, (source, kind, trnid) in enumerate(zip(*rows, strict=True))
+        if source == newton.solvers.SolverMuJoCo.CtrlSource.JOINT_TARGET
+    }
+    found = []
+    for source, index in zip(*(own.numpy().tolist() for own in _sources(solver)), strict=True):
+        if source == newton.solvers.SolverMuJoCo.CtrlSource.JOINT_TARGET:
+            # Of those that drive towards velocities it is negative.
+            found.append(targets[(index, False) if index >= 0 else (-index - 2, True)])
+        else:
+            found.append(index)
+    if sorted(found) != list(range(len(rows[0]))):
+        raise Refused("SolverMuJoCo has no actuator for one of the file, or several")
+    return found
+
+
+def _sources(solver: Any) -> tuple[Any, ...]:
+    own = solver.mjc_actuator_ctrl_source, solver.mjc_actuator_to_newton_idx
+    return tuple(np.empty(0, dtype=int) for _ in own) if None in own else own
+
+
+def _still(on_device: Any, actuators: Sequence[int]) -> None:
+    """``mujoco.on_device.still`` in worlds."""
+    for values in (on_device.actuator_gainprm, on_device.actuator_biasprm) if actuators else ():
+        own = values.numpy()
+        own[:, actuators] = 0.0
+        values.assign(own)
+    kinds = {"actuator_gaintype": mujoco.mjtGain.mjGAIN_FIXED, "actuator_biastype": mujoco.mjtBias.mjBIAS_NONE}
+    for name, kind in kinds.items() if actuators else ():
+        own = getattr(on_device, name).numpy()
+        own[actuators] = int(kind)
+        getattr(on_device, name).assign(own)
 
 
 def _armature(request: Request, robot: Any, starts: Mapping[str, tuple[int, int]]) -> Array:
