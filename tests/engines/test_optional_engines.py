@@ -383,9 +383,9 @@ def test_newton_is_near_rigid_contact_but_for_parents_and_what_spins(
 
 @pytest.mark.nightly
 def test_newton_s_mujoco_is_mujoco_s_law_where_the_importer_reads_the_file(environment: Callable[[str], Path], tmp_path: Path) -> None:
-    """A tree, a free joint, a ball joint, a rotor, a spring between points, two trees, references, dry friction and a limit."""
+    """A tree, a free joint, a ball joint, a rotor, a spring between points, two trees, references, dry friction, a limit and actuators."""
     systems = ["acrobot", "satellite_wheel", "spherical_pendulum", "furuta_pendulum.armature", "collar", "coupled_oscillators"]
-    systems += ["arm_2r.offset_ref", "dry_pendulum", "limited_pendulum", "heavy_top"]
+    systems += ["arm_2r.offset_ref", "dry_pendulum", "limited_pendulum", "heavy_top", "geared_motor", "servo_arm", "tendon_finger"]
     records = check_in_its_environment("newton_mujoco", systems, environment("newton_mujoco"), tmp_path)
     verdicts = {(str(one["system"]), str(one["subject"])): one["verdict"] for one in records}
     assert {verdicts[system, "newton_mujoco/mjcf"] for system in systems} == {"agrees"}
@@ -403,6 +403,7 @@ def test_newton_s_mujoco_is_judged_on_files_with_all_on(environment: Callable[[s
         assert record["explained"] == explained
         return dict(record)
 
+    on(DRIVEN, explained=True)
     rubbing = on(DRIVEN.with_name("rubbing.xml"), explained=True)
     assert "limits no ball joint" in json.dumps(rubbing)
     # A site that the importer drops is named, and its equality alone is wrong.
@@ -530,10 +531,10 @@ def test_mujoco_warp_is_judged_on_files_with_all_on(environment: Callable[[str],
 # A box with an arm, and marbles, each with directions of its own; the shapes have contacts in MJX and in MuJoCo Warp.
 TOUCHING = """<mujoco><option cone="{cone}" impratio="2" solver="Newton" iterations="100" tolerance="0"/><worldbody>
   <geom name="floor" type="plane" size="2 2 0.1" friction="0.7 0.01 0.001"/>
-  <body pos="0 0 0.11"><freejoint/><geom name="box" type="box" size="0.1 0.12 0.1" mass="1.3" condim="3"/>
-    <body pos="0.1 0 0.1"><joint axis="0 1 0" damping="0.1"/>
+  <body name="crate" pos="0 0 0.11"><freejoint name="float"/><geom name="box" type="box" size="0.1 0.12 0.1" mass="1.3" condim="3"/>
+    <body name="arm" pos="0.1 0 0.1"><joint name="hinge" axis="0 1 0" damping="0.1"/>
       <geom name="rod" type="capsule" fromto="0 0 0 0.3 0 0.1" size="0.03" mass="0.4" condim="6"/></body></body>
-  <body pos="0.4 0 0.05"><freejoint/><geom name="marble" size="0.05" mass="0.2" condim="4" margin="0.002"/></body>
+  <body name="ball" pos="0.4 0 0.05"><freejoint name="roll"/><geom name="marble" size="0.05" mass="0.2" condim="4" margin="0.002"/></body>
 </worldbody></mujoco>"""
 
 
@@ -541,6 +542,7 @@ TOUCHING = """<mujoco><option cone="{cone}" impratio="2" solver="Newton" iterati
 @pytest.mark.parametrize(("name", "cone"), [
     ("mujoco_warp", "pyramidal"),
     ("mujoco_warp", "elliptic"),
+    ("newton_mujoco", "elliptic"),
     ("mjx_float32", "elliptic"),
     ("mjx", "pyramidal"),
 ])  # fmt: skip

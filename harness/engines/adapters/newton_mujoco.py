@@ -34,6 +34,7 @@ class NewtonMujocoEngine(NewtonEngine):
     formats = ("mjcf", "urdf")
     companions: Mapping[str, tuple[str, ...]] = {">=1.8": ("newton[sim]",)}
     has_soft_constraints = True
+    contacts = staticmethod(law.contacts)
     reader = "newton"
     inertias_about = "tree"
     why_off: Mapping[str, str] = {}

@@ -89,7 +89,8 @@ class ModelInWorlds:
         """The contacts of the first worlds, in which pairs of shapes come in the order in which threads found them."""
         found, contacts = self._data.nacon.numpy()[0], self._data.contact
         names, worlds = (*CONTACT, "dim", "adhesion", "surfacevel"), contacts.worldid.numpy()[:found]
-        columns = {name: getattr(contacts, name).numpy()[:found] for name in names}
+        # Before 4.0 there was no surface that moves by itself.
+        columns = {name: getattr(contacts, name).numpy()[:found] for name in names if hasattr(contacts, name)}
         return [contacts_in({name: own[worlds == world] for name, own in columns.items()}) for world in range(count)]
 
 

@@ -23,12 +23,15 @@ from harness.arrays import Array
 from harness.engines.adapters.mujoco.acting import held_of, switch_on
 from harness.engines.adapters.mujoco.on_device import DeviceFile
 from harness.engines.adapters.mujoco.robot import MujocoFile
-from harness.engines.adapters.mujoco_warp.device import BLOCK, ModelInWorlds, WarpModel
-from harness.engines.adapters.newton.worlds import Joined, read_by, starts_of
+from harness.engines.adapters.mujoco_warp.device import BLOCK, MOST_CONTACTS, MOST_ROWS, ModelInWorlds, WarpModel
+from harness.engines.adapters.newton.worlds import Joined, read_by, sanitized, starts_of
 from harness.engines.interface import LoadedModel, Unsupported
-from harness.engines.request import AskedJoint, Held, Refused, Request, SolverSettings
+from harness.engines.reading import elements_of
+from harness.engines.request import AskedJoint, Held, Refused, Request
 from harness.engines.tree_request import model_request
+from harness.files.contacts import FoundContact
 from harness.files.model_file import ModelFile
+from harness.files.tree import WORLD
 
 # Beyond which Newton takes a limit for none, newton.MAXVAL.
 _NO_LIMIT = 1e10
@@ -61,7 +64,7 @@ class SolverFile(DeviceFile):
                 if request.format == "urdf":
                     model.joint_armature.assign(np.tile(_armature(request, robot, starts), BLOCK))
             try:
-                solver = newton.solvers.SolverMuJoCo(model, **_settings(held.solver))
+                solver = newton.solvers.SolverMuJoCo(model, **_settings(held))
             except (ValueError, NotImplementedError, RuntimeError) as error:
                 raise Refused(f"SolverMuJoCo: {' '.join(str(error).split())}") from error
         compiled, on_device = solver.mj_model, solver.mjw_model
@@ -75,6 +78,9 @@ class SolverFile(DeviceFile):
             solver.mjw_data.eq_active.assign(np.tile(compiled.eq_active0.astype(bool), (BLOCK, 1)))
             _still(on_device, [place for place, number in enumerate(self._actuators) if number not in held.actuators])
         super().__init__(read, worlds := ModelInWorlds(compiled, (on_device, solver.mjw_data)))
+        # Its shapes have parameters that Newton has converted: contacts are taken as they are found.
+        worlds.touches_as_mujoco = False
+        self._bodies = _names_of_bodies(solver, robot, request)
         self._model = WarpModel(read.placed, worlds)
         # Of a URDF the importer reads no springs.
         self.applies_dampers, self.applies_springs = True, request.format == "mjcf"
@@ -94,7 +100,15 @@ class SolverFile(DeviceFile):
 
     def driven_dynamics(self, q: Array, v: Array, tau: Array, *driving: Array) -> Array:
         own = (self._of_all(one, range(one.shape[1]))[:, self._actuators] for one in driving)
-        return super().driven_dynamics(q, v, tau + self.supplied(q, v), *own)
+        found = super().driven_dynamics(q, v, tau + self.supplied(q, v), *own)
+        self.contacts = [tuple(map(self._in_file, those)) for those in self.contacts]
+        return found
+
+    def _in_file(self, contact: FoundContact) -> FoundContact:
+        """A contact with the names that bodies have in the file."""
+        first, second = (self._bodies.get(body, "") for body in contact.bodies)
+        why_not = contact.why_not or ("" if first and second else "is of a body without a name")
+        return replace(contact, bodies=(first, second), why_not=why_not, shapes=("", ""))
 
     def _of_all(self, own: Array, numbers: Sequence[int]) -> Array:
         """(n, actuators of the file), of those with these numbers; 0 of all others."""
@@ -121,7 +135,7 @@ class SolverFile(DeviceFile):
 
 def read(request: Request) -> SolverFile:
     """See ``harness.engines.Engine.read``."""
-    return read_by(request, _builder, SolverFile)
+    return read_by(request, _builder, SolverFile, with_equalities=request.held is not None)
 
 
 def load(file: ModelFile, joints: Sequence[str], gravity: float) -> SolverFile:
@@ -158,6 +172,17 @@ def _rub_and_limit(robot: Any, joints: tuple[AskedJoint, ...], starts: Mapping[s
             limited[tendon] = 0
 
 
+def _names_of_bodies(solver: Any, robot: Any, request: Request) -> dict[str, str]:
+    """The names that bodies of the solver have in the file, by their own; none of a body that has no name there."""
+    elements = elements_of(request).iter("body", "link")
+    in_file = {sanitized(name, request.format): name for element in elements if (name := element.get("name"))}
+    found = {WORLD: WORLD}
+    for place, number in enumerate(solver.mjc_body_to_newton.numpy()[0].tolist()):
+        if number >= 0 and (name := in_file.get(robot.body_label[number].rpartition("/")[2])):
+            found[solver.mj_model.body(place).name] = name
+    return found
+
+
 def _actuators(solver: Any, robot: Any) -> list[int]:
     """The number in the file of each actuator of the solver, which has those that drive towards targets of joints first.
 
@@ -171,8 +196,9 @@ def _actuators(solver: Any, robot: Any) -> list[int]:
         for number, (source, kind, trnid) in enumerate(zip(*rows, strict=True))
         if source == newton.solvers.SolverMuJoCo.CtrlSource.JOINT_TARGET
     }
-    found = []
-    for source, index in zip(*(own.numpy().tolist() for own in _sources(solver)), strict=True):
+    found, sources = [], solver.mjc_actuator_ctrl_source
+    places = [] if sources is None else zip(sources.numpy().tolist(), solver.mjc_actuator_to_newton_idx.numpy().tolist(), strict=True)
+    for source, index in places:
         if source == newton.solvers.SolverMuJoCo.CtrlSource.JOINT_TARGET:
             # Of those that drive towards velocities it is negative.
             found.append(targets[(index, False) if index >= 0 else (-index - 2, True)])
@@ -181,11 +207,6 @@ def _actuators(solver: Any, robot: Any) -> list[int]:
     if sorted(found) != list(range(len(rows[0]))):
         raise Refused("SolverMuJoCo has no actuator for one of the file, or several")
     return found
-
-
-def _sources(solver: Any) -> tuple[Any, ...]:
-    own = solver.mjc_actuator_ctrl_source, solver.mjc_actuator_to_newton_idx
-    return tuple(np.empty(0, dtype=int) for _ in own) if None in own else own
 
 
 def _still(on_device: Any, actuators: Sequence[int]) -> None:
@@ -211,11 +232,14 @@ def _armature(request: Request, robot: Any, starts: Mapping[str, tuple[int, int]
     return found
 
 
-def _settings(solver: SolverSettings | None) -> dict[str, Any]:
+def _settings(held: Held) -> dict[str, Any]:
     """Arguments of ``SolverMuJoCo``."""
     # Roots that nobody makes kinematic need no weld.
-    found: dict[str, Any] = {"disable_contacts": True, "density": 0.0, "viscosity": 0.0, "kinematic_switchable_roots": False}
-    if solver is not None:
+    found: dict[str, Any] = {"density": 0.0, "viscosity": 0.0, "kinematic_switchable_roots": False, "disable_contacts": not held.touches}
+    if held.touches:
+        found |= {"nconmax": MOST_CONTACTS, "njmax": MOST_ROWS}
+    if held.solver is not None:
+        solver = held.solver
         given = {
             "solver": solver.method.lower(),
             "iterations": solver.iterations,

@@ -273,7 +273,9 @@ def read(request: Request) -> NewtonFile:
     return read_by(request, newton.ModelBuilder, NewtonFile)
 
 
-def read_by(request: Request, builder: Callable[[], Any], load: Callable[[Request, Any, Joined], File]) -> File:
+def read_by(
+    request: Request, builder: Callable[[], Any], load: Callable[[Request, Any, Joined], File], with_equalities: bool = False
+) -> File:
     """A file in the solver that ``load`` gives what the importer has made of it, in a ``ModelBuilder`` of ``builder``; raises Refused."""
     keep_compiled(warp)
     if request.supplied_ball_joint:
@@ -283,7 +285,7 @@ def read_by(request: Request, builder: Callable[[], Any], load: Callable[[Reques
             raise Refused(f"planar joint {joint.name!r}: its importer makes two slides of one, which cannot turn")
         if joint.kind == JointKind.FREE and not joint.is_measured_in_the_world:
             raise Refused(f"free joint {joint.name!r} is measured in a frame of the file")
-    importer = _Importer(request, builder, load)
+    importer = _Importer(request, builder, load, with_equalities)
     try:
         return importer.file(str(request.path) if request.text is None else request.text)
     except Refused as refusal:
@@ -298,8 +300,10 @@ def read_by(request: Request, builder: Callable[[], Any], load: Callable[[Reques
 class _Importer(Generic[File]):
     """Newton's importers, for one file."""
 
-    def __init__(self, request: Request, builder: Callable[[], Any], load: Callable[[Request, Any, Joined], File]) -> None:
-        self._request, self._builder, self._load = request, builder, load
+    def __init__(
+        self, request: Request, builder: Callable[[], Any], load: Callable[[Request, Any, Joined], File], with_equalities: bool
+    ) -> None:
+        self._request, self._builder, self._load, self._with_equalities = request, builder, load, with_equalities
 
     def file(self, source: str) -> File:
         """A file, or its text, as the importer reads it.
@@ -326,7 +330,7 @@ class _Importer(Generic[File]):
             return read_stage(request, self._builder)
         robot = self._builder()
         if request.format == "mjcf":
-            robot.add_mjcf(source, skip_equality_constraints=request.held is None)
+            robot.add_mjcf(source, skip_equality_constraints=not self._with_equalities)
             return robot, _joined(robot, request)
         if request.aid is not None:
             robot.default_shape_cfg.density = 0.0
