@@ -531,8 +531,8 @@ def test_mujoco_warp_is_judged_on_files_with_all_on(environment: Callable[[str],
 # A box with an arm, and marbles, each with directions of its own; the shapes have contacts in MJX and in MuJoCo Warp.
 TOUCHING = """<mujoco><option cone="{cone}" impratio="2" solver="Newton" iterations="100" tolerance="0"/><worldbody>
   <geom name="floor" type="plane" size="2 2 0.1" friction="0.7 0.01 0.001"/>
-  <body name="crate" pos="0 0 0.11"><freejoint name="float"/><geom name="box" type="box" size="0.1 0.12 0.1" mass="1.3" condim="3"/>
-    <body name="arm" pos="0.1 0 0.1"><joint name="hinge" axis="0 1 0" damping="0.1"/>
+  <body name="crate" pos="0 0 0.11"><freejoint/><geom name="box" type="box" size="0.1 0.12 0.1" mass="1.3" condim="3"/>
+    <body name="arm" pos="0.1 0 0.1"><joint axis="0 1 0" damping="0.1"/>
       <geom name="rod" type="capsule" fromto="0 0 0 0.3 0 0.1" size="0.03" mass="0.4" condim="6"/></body></body>
   <body name="ball" pos="0.4 0 0.05"><freejoint name="roll"/><geom name="marble" size="0.05" mass="0.2" condim="4" margin="0.002"/></body>
 </worldbody></mujoco>"""

@@ -10,6 +10,7 @@ Source: Newton documentation, Conventions; ``newton/_src/solvers/featherstone/ke
 from __future__ import annotations
 
 import itertools
+import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Generic, TypeVar
@@ -33,6 +34,8 @@ from harness.files.tree import WORLD
 # By the number of a joint of Newton, the joints of the request that it is made of.
 Joined = Mapping[int, Sequence[AskedJoint]]
 File = TypeVar("File", bound=LoadedFile)
+# As of ``harness.files.mjcf.reading``.
+_UNNAMED = re.compile(r"\(joint (\d+) of ([^()]+)\)")
 _INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
 # Length of a step [s], on which no acceleration depends.
 _STEP = 1e-3
@@ -222,6 +225,15 @@ def sanitized(name: str, model_format: str) -> str:
     return name.replace("-", "_") if model_format == "mjcf" else name
 
 
+def _in_newton(joint: AskedJoint, model_format: str) -> str:
+    """The name of a joint of a file as the importer writes it; of an MJCF's without a name it is made of that of its body."""
+    unnamed = _UNNAMED.fullmatch(joint.name) if model_format == "mjcf" else None
+    if unnamed is None:
+        return sanitized(joint.name, model_format)
+    ending = "freejoint" if joint.kind == JointKind.FREE else f"joint_{int(unnamed[1]) - 1}"
+    return f"{sanitized(unnamed[2], model_format)}_{ending}"
+
+
 def _joined(robot: Any, request: Request) -> Joined:
     """The joints of the request that each joint of Newton with velocities is made of, by its number.
 
@@ -230,7 +242,7 @@ def _joined(robot: Any, request: Request) -> Joined:
     Raises:
         Refused: a name is none of the file's.
     """
-    joints = {sanitized(joint.name, request.format): joint for joint in request.joints}
+    joints = {_in_newton(joint, request.format): joint for joint in request.joints}
     found: dict[int, Sequence[AskedJoint]] = {}
     for number, label in enumerate(robot.joint_label):
         kind, count = newton.JointType(robot.joint_type[number]), sum(robot.joint_dof_dim[number])
