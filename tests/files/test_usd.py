@@ -452,6 +452,25 @@ def test_shapes_of_even_density_weigh_what_those_of_an_mjcf_do(tmp_path: Path) -
         assert found.alike and not found.differences, (kind, conclude_pair(found).sentence)
 
 
+def test_shapes_share_the_mass_of_their_body_by_their_volumes(tmp_path: Path) -> None:
+    shapes = (
+        ("Sphere", "double radius = 0.1", 'type="sphere" size="0.1"', 4 / 3 * math.pi * 0.1**3),
+        ("Cube", "double size = 0.2", 'type="box" size="0.1 0.1 0.1"', 0.2**3),
+        ("Cylinder", "double radius = 0.1\ndouble height = 0.4", 'type="cylinder" size="0.1 0.2"', math.pi * 0.1**2 * 0.4),
+        ("Capsule", "double radius = 0.1\ndouble height = 0.4", 'type="capsule" size="0.1 0.2"', math.pi * (0.1**2 * 0.4 + 4 / 3 * 0.1**3)),
+    )
+    colliders, geoms, whole = "", "", sum(volume for *_, volume in shapes)
+    for place, (kind, size, twin, volume) in enumerate(shapes):
+        at = f'double3 xformOp:translate = ({place}, 0, 0)\nuniform token[] xformOpOrder = ["xformOp:translate"]'
+        colliders += f'def {kind} "shape_{place}" (prepend apiSchemas = ["PhysicsCollisionAPI"])\n{{\n{size}\n{at}\n}}\n'
+        geoms += f'<geom {twin} pos="{place} 0 0" mass="{4.8 * volume / whole!r}"/>'
+    usd = re.sub(
+        r'(def Xform "fore" \(.*\)\n    {\n        float physics:mass = 4.8)[^}]*}', lambda found: f"{found[1]}\n{colliders}}}", ARM
+    )
+    compared = quantities(robot(tmp_path, re.sub(r'<inertial mass="4.8"[^>]*/>', geoms, TWIN), "arm.xml"), robot(tmp_path, usd))
+    assert not {key: one.texts for key, one in compared.items() if one.differs}
+
+
 # Operations of a prim as a geom of MJCF has them, the outermost first.
 TURNED = Rotation.from_euler("xyz", (10, 20, 30), degrees=True)
 OPERATIONS = {
@@ -535,6 +554,129 @@ def test_parts_that_no_tree_holds_are_told_with_their_lines(tmp_path: Path) -> N
         # A body that is moved from outside closes a loop with its joint.
         assert {*found} - {"equalities"} == ({what} if what else set()), part
         assert not what or {line_of(text, part), line_of(text, "PhysicsPrismaticJoint")} & {*found[what]}
+
+
+GENERAL = """def MjcActuator "acts"
+{{
+    rel mjc:target = </{}>
+    {}
+}}
+"""
+# An actuator of MuJoCo's schema, and that of the MJCF.
+ACTUATORS = {
+    "by default": ("", ""),
+    "of gains": ("uniform double[] mjc:gainPrm = [7, 2, 3]; uniform double[] mjc:biasPrm = [1, -2, -3]", 'gainprm="7"'),
+    "of affine gains": (
+        'uniform token mjc:gainType = "affine"; uniform double[] mjc:gainPrm = [7, 2]; uniform token mjc:biasType = "affine"; '
+        "uniform double[] mjc:biasPrm = [1, -2, -3]; uniform double[] mjc:gear = [5]",
+        'gaintype="affine" gainprm="7 2 0" biastype="affine" biasprm="1 -2 -3" gear="5"',
+    ),
+    "of bounds": (
+        'uniform double mjc:ctrlRange:min = -1; uniform double mjc:ctrlRange:max = 2; uniform token mjc:forceLimited = "true"; '
+        "uniform double mjc:forceRange:min = -3; uniform double mjc:forceRange:max = 4",
+        'ctrllimited="true" ctrlrange="-1 2" forcelimited="true" forcerange="-3 4"',
+    ),
+    "of a filter": (
+        'uniform token mjc:dynType = "filter"; uniform token mjc:actLimited = "true"; uniform double mjc:actRange:min = -1; '
+        "uniform double mjc:actRange:max = 1",
+        'dyntype="filter" dynprm="1" actlimited="true" actrange="-1 1"',
+    ),
+}
+
+
+@pytest.mark.parametrize("what", ACTUATORS)
+def test_an_actuator_of_mujocos_schema_is_that_of_the_mjcf(tmp_path: Path, what: str) -> None:
+    usd, mjcf = ACTUATORS[what]
+    own = robot(tmp_path, ARM + GENERAL.format("arm/shoulder", usd.replace("; ", "\n    "))).actuators[-1]
+    twin = re.sub("<actuator>.*</actuator>", f'<actuator><general joint="shoulder" {mjcf}/></actuator>', TWIN)
+    (other,) = robot(tmp_path, twin, "arm.xml").actuators
+    fields = ("joints", "gear", "gain", "bias", "dynamics", "control_range", "activation_range", "force_range", "why_not")
+    assert {one: getattr(own, one) for one in fields} == {one: getattr(other, one) for one in fields}
+
+
+@pytest.mark.parametrize(
+    ("usd", "why_not"),
+    [
+        ('uniform token mjc:gainType = "muscle"', "has gainType 'muscle', which is not read"),
+        ("uniform double mjc:inheritRange = 1", "has mjc:inheritRange, which is not read"),
+        (
+            'uniform double[] mjc:gainPrm = [7]; uniform token mjc:biasType = "affine"; uniform double[] mjc:biasPrm = [0, -7, 0.5]',
+            "has a ratio of damping, which is not read",
+        ),
+        ("", "drives </arm>, which is no joint of one degree of freedom and no fixed tendon"),
+    ],
+)
+def test_an_actuator_that_is_not_read_says_why(tmp_path: Path, usd: str, why_not: str) -> None:
+    text = ARM + GENERAL.format("arm/shoulder" if usd else "arm", usd.replace("; ", "\n    "))
+    assert robot(tmp_path, text).actuators[-1].why_not == why_not
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why_not"),
+    [
+        ("drive:linear:physics:stiffness", "drive:angular:physics:stiffness", "drives angular of a slide joint, which is not read"),
+        (
+            "float drive:linear:physics:stiffness",
+            'uniform token drive:linear:physics:type = "acceleration"\nfloat drive:linear:physics:stiffness',
+            "is a drive of the type acceleration, whose gains an engine makes",
+        ),
+    ],
+)
+def test_a_drive_that_is_not_read_says_why(tmp_path: Path, old: str, new: str, why_not: str) -> None:
+    assert robot(tmp_path, changed(old, new)).actuators[0].why_not == why_not
+
+
+def test_a_tendon_drives_the_joints_it_leads_over(tmp_path: Path) -> None:
+    text = ARM + TENDON_PARTS.format('MjcTendon "both"', "") + GENERAL.format("both", "")
+    assert robot(tmp_path, text).actuators[-1].joints == (("shoulder", 0.5), ("slide", 2))
+
+
+@pytest.mark.parametrize(
+    ("follows", "coefficients"),
+    [
+        ("rel newton:mimicJoint = </arm/shoulder>; float newton:mimicCoef0 = 0.2; float newton:mimicCoef1 = 3", (0.2, 3)),
+        ("rel newton:mimicJoint = </arm/shoulder>; double mjc:coef3 = 5", (0, 1, 0, 5)),
+        # PhysX: position + gearing * position of the other + offset = 0.
+        (
+            "rel physxMimicJoint:rotX:referenceJoint = </arm/shoulder>; float physxMimicJoint:rotX:gearing = 3; "
+            "float physxMimicJoint:rotX:offset = 0.2",
+            (-0.2, -3),
+        ),
+    ],
+)
+def test_a_joint_that_mimics_follows_by_the_law_of_its_schema(tmp_path: Path, follows: str, coefficients: Sequence[float]) -> None:
+    text = changed("double mjc:stiffness = 8", follows.replace("; ", "\n        "))
+    (one,) = robot(tmp_path, text).equalities
+    assert (one.says.joint, one.says.leader, one.line) == ("slide", "shoulder", line_of(text, "oint = </arm/shoulder>"))
+    found = [*map(float, one.says.coefficients)]
+    assert found == pytest.approx([*coefficients, *[0] * (len(found) - len(coefficients))], rel=1e-7)
+
+
+def test_what_an_mjcf_says_of_a_slide_is_read_in_the_units_of_the_stage(tmp_path: Path) -> None:
+    """Lengths of a stage in decimetres, and the numbers of MuJoCo's schema, against the MJCF that says the same."""
+    usd = "; ".join(
+        [
+            "double mjc:stiffness = 8",
+            "double mjc:ref = 3",
+            "double mjc:springref = -2",
+            "double mjc:margin = 0.5",
+            "bool mjc:actuatorgravcomp = 1",
+            "uniform double[] mjc:solreflimit = [0.03, 0.9]",
+            "uniform double[] mjc:solimplimit = [0.8, 0.9]",
+            "float physics:lowerLimit = -1",
+            "float physics:upperLimit = 4",
+        ]
+    )
+    text = changed("metersPerUnit = 1\n", "metersPerUnit = 0.1\n", changed("double mjc:stiffness = 8", usd.replace("; ", "\n        ")))
+    said = 'ref="0.3" springref="-0.2" margin="0.05" actuatorgravcomp="true" solreflimit="0.03 0.9" solimplimit="0.8 0.9 0.001 0.5 2" '
+    twin = changed('name="slide"', f'name="slide" {said} limited="true" range="-0.1 0.4"', TWIN)
+    own, other = (found.tree.bodies[1].joints[0] for found in (robot(tmp_path, text), robot(tmp_path, twin, "arm.xml")))
+    for one in ("reference", "spring_reference", "margin", "limits", "stiffness"):
+        pair = np.array([getattr(joint, one) for joint in (own, other)], dtype=float)
+        assert pair[0] == pytest.approx(pair[1], rel=1e-12), one
+    assert own.compensated_by_actuators and other.compensated_by_actuators
+    soft = [[*map(float, (*joint.limit_softness.solref, *joint.limit_softness.solimp))] for joint in (own, other)]
+    assert soft[0] == soft[1]
 
 
 @pytest.mark.parametrize(
@@ -706,6 +848,88 @@ REFUSED = {
             'def PhysicsRevoluteJoint "again"\n{\nrel physics:body1 = </arm/upper>\n}\ndef PhysicsRevoluteJoint "shoulder"',
         ),
         "joins the bodies that </arm/again> joins",
+    ),
+}
+
+
+NUMBERS = "point3f physics:centerOfMass = (0, -0.07, 0.014)\n        float3 physics:diagonalInertia = (0.066, 0.0125, 0.086)"
+CENTRE, MOMENTS = NUMBERS.split("\n        ")
+
+
+def shape(kind: str, text: str = "") -> str:
+    return f'def {kind} "shape" (prepend apiSchemas = ["PhysicsCollisionAPI", "PhysicsMassAPI"])\n{{\n{text}\n}}\n'
+
+
+SITES = "".join(f'def Xform "{name}" (prepend apiSchemas = ["MjcSiteAPI"])\n{{\n}}\n' for name in ("near", "far"))
+REFUSED |= {
+    "a negative inertia of a drive": (
+        ("newton:armature = 0.25", "newton:armature = -0.25"),
+        r"arm.usda:{-0.25}: </arm/shoulder> newton:armature is -0.25; expected zero or more",
+    ),
+    "a mass of weightless shapes": (
+        (NUMBERS, shape("Plane")),
+        "</arm/fore> states its mass, and its colliders weigh nothing; write its inertia",
+    ),
+    "five moments": (
+        (MOMENTS, "float[] newton:inertia = [1, 2, 3, 4, 5]"),
+        r"arm.usda:{newton:inertia}: </arm/fore> newton:inertia holds 5 numbers; expected 6: xx, yy, zz, xy, xz, yz",
+    ),
+    "an inertia about a centre of shapes": (
+        (CENTRE, shape("Sphere")),
+        "states its mass and inertia and no physics:centerOfMass, which engines take from its colliders; write it",
+    ),
+    "a shape with a centre": (
+        (NUMBERS, shape("Sphere", "point3f physics:centerOfMass = (0, 0, 1)")),
+        "</arm/fore/shape> is a collider with a centre or an inertia of its own, which is not read; write those of its body",
+    ),
+    "an ellipsoid": (
+        (NUMBERS, shape("Sphere", SCALE.replace("(2, 2, 2)", "(1, 2, 1)"))),
+        "</arm/fore/shape> is a round shape with a scale of its own along each axis, whose inertia is not read",
+    ),
+    "a negative radius": (
+        (NUMBERS, shape("Sphere", "double radius = -0.1")),
+        "</arm/fore/shape> has a size that is not positive; expected more than zero",
+    ),
+    "a shape that stands in the world": (
+        (NUMBERS, shape("Sphere", 'uniform token[] xformOpOrder = ["!resetXformStack!"]')),
+        "</arm/fore/shape> stands in the world, whatever is above it; leave !resetXformStack! out",
+    ),
+    "an operation that is not read": (
+        (
+            "float physics:mass = 4.8",
+            'double3 xformOp:shear = (1, 2, 3)\nuniform token[] xformOpOrder = ["xformOp:shear"]\nfloat physics:mass = 4.8',
+        ),
+        r"arm.usda:{double3}: </arm/fore> xformOp:shear is no operation that is read; expected translate, orient, rotateXYZ or transform",
+    ),
+    "a second gravity": (
+        (SCENE, SCENE + SCENE.replace('"scene"', '"moon"').replace("9.81", "1.62")),
+        r"arm.usda:{1.62}: </moon> is a second scene with another gravity than </scene>; leave one of them out",
+    ),
+    "a leader that does not move": (
+        ("float newton:armature", "rel newton:mimicJoint = </arm/upper>\n        float newton:armature"),
+        r"arm.usda:{mimicJoint}: </arm/shoulder> newton:mimicJoint names </arm/upper>, which is no joint that moves; name one",
+    ),
+    "a slack tendon": (
+        (
+            HEAD,
+            HEAD + TENDON_PARTS.format('MjcTendon "slack"', "uniform double mjc:stiffness = 3\nuniform double[] mjc:springlength = [0, 1]"),
+        ),
+        r"arm.usda:{MjcTendon}: </slack> is slack between two lengths, which is not read; write one mjc:springlength twice",
+    ),
+    "a tendon around a body": (
+        (HEAD, HEAD + 'def MjcTendon "around"\n{\nrel mjc:path = </arm/upper>\nuniform double mjc:damping = 3\n}\n'),
+        r"arm.usda:{MjcTendon}: </around> does not run straight from one site to another, which is not read; lead it through two sites",
+    ),
+    "a tendon of no length": (
+        (
+            HEAD,
+            f'{HEAD}{SITES}def MjcTendon "straight"\n{{\nrel mjc:path = [</near>, </far>]\nuniform double mjc:stiffness = 3\n}}\n',
+        ),
+        r"arm.usda:{MjcTendon}: </straight> leaves its mjc:springlength to the reader, which is not read; write it",
+    ),
+    "a tendon with a number for two joints": (
+        (HEAD, HEAD + TENDON_PARTS.format('MjcTendon "short"', "").replace("[0.5, 2]", "[0.5]")),
+        "</short> has 2 joints in mjc:path and 1 numbers in mjc:path:coef; name joints that move, with one each",
     ),
 }
 

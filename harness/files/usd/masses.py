@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 
 from harness.files.document.stage import Prim, UsdDocument
@@ -32,12 +32,6 @@ _DEFAULTS = {"Sphere": (1.0,), "Cube": (2.0,), "Cylinder": (1.0, 2.0), "Capsule"
 _WEIGHTLESS = ("Plane",)
 # From the z axis, along which a solid lies.
 _TURNS = {"X": (Turn(UNITS["Y"], Fraction(90), True),), "Y": (Turn(UNITS["X"], Fraction(-90), True),), "Z": ()}
-
-
-@dataclass(frozen=True)
-class _Collider:
-    prim: Prim
-    pose: Pose
 
 
 class Masses:
@@ -98,18 +92,17 @@ class Masses:
 
     # Shapes.
 
-    def colliders(self, path: str) -> Iterator[_Collider]:
+    def colliders(self, path: str) -> Iterator[Prim]:
         """The colliders at a body and below it, but for those of further bodies."""
         waiting = [self._prims[path]]
         while waiting:
             prim = waiting.pop()
             if COLLIDER in prim.schemas and prim.is_on("physics:collisionEnabled"):
-                yield _Collider(prim, ())
+                yield prim
             waiting += [child for child in reversed(self._below.get(prim.path, [])) if BODY not in child.schemas]
 
     def _solids(self, body: Prim) -> Iterator[Solid]:
-        for collider in self.colliders(body.path):
-            prim = collider.prim
+        for prim in self.colliders(body.path):
             if prim.kind in _WEIGHTLESS:
                 continue
             mass = self._positive(prim, MASS)
@@ -159,11 +152,8 @@ def _sharing(solids: Sequence[Solid], mass: Given, body: Prim) -> tuple[Solid, .
     shares = [float(solid.density if solid.mass is None else 0) * _volume(solid) + float(solid.mass or 0) for solid in solids]
     if not sum(shares):
         body.refuse("states its mass, and its colliders weigh nothing; write its inertia", MASS)
-    return tuple(replace(solid, mass=_share(mass, share / sum(shares), solid)) for solid, share in zip(solids, shares, strict=True))
-
-
-def _share(mass: Given, share: float, solid: Solid) -> Given:
-    return times(mass, share) if solid.place is None else Given(float(mass) * share, solid.place, MASS)
+    parts = ((solid, solid.place or body.place, share / sum(shares)) for solid, share in zip(solids, shares, strict=True))
+    return tuple(replace(solid, mass=Given(float(mass) * part, place, MASS)) for solid, place, part in parts)
 
 
 def _volume(solid: Solid) -> float:
