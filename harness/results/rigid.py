@@ -105,7 +105,9 @@ def rigid_laws(distances: Iterable[RigidDistance]) -> list[RigidLaw]:
 def _law(found: Sequence[RigidDistance]) -> RigidLaw:
     broken = [one.distance is None or one.distance > BROKEN for one in found]
     step = broken.index(True) if any(broken) else len(found)
-    measured = [(one.value, one.distance) for one in found if one.distance is not None and one.distance > NONE]
+    # A knob at zero, and a distance without an end, have no place on logarithmic axes.
+    numbers = ((one.value, one.distance) for one in found if one.distance is not None)
+    measured = [(value, distance) for value, distance in numbers if 0 < value < math.inf and NONE < distance < math.inf]
     largest = max((distance for _, distance in measured), default=0.0)
     grown = next((place for place, (_, distance) in enumerate(measured) if distance >= GROWN * largest), 0)
     fitted = [(math.log(value), math.log(distance)) for value, distance in measured[: grown + 1]]
@@ -116,7 +118,7 @@ def _law(found: Sequence[RigidDistance]) -> RigidLaw:
         setting=first.setting,
         knob=first.knob,
         unit=first.unit,
-        growth=statistics.linear_regression(*zip(*fitted, strict=True)).slope if len(fitted) >= FEWEST_FITTED else None,
+        growth=statistics.linear_regression(*zip(*fitted, strict=True)).slope if len(dict(fitted)) >= FEWEST_FITTED else None,
         largest=max((one.distance for one in found if one.distance is not None), default=None),
         breaks=found[step].value if step < len(found) else None,
         step=step,

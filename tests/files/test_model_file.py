@@ -446,6 +446,7 @@ MALFORMED_URDF = {
     "transmission without type": transmission(
         "has no <type>; expected <type>transmission_interface/SimpleTransmission</type>", old=TYPE, new=""
     ),
+    "transmission without joint": transmission("has no <joint>; add it", old='<joint name="pin"/>', new=""),
     "other transmission": transmission("is of type 'transmission_interface/DifferentialTransmission'", old="Simple", new="Differential"),
     "transmission of no joint": transmission("did you mean 'pin'?", "", "pin", "pim"),
     "two transmissions": ("</robot>", 2 * (TRANSMISSION + ROTOR + "</actuator></transmission>") + "</robot>", 42, "second transmission"),

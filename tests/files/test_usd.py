@@ -29,6 +29,7 @@ from harness.errors import InvalidModel
 from harness.explain.meant import meant
 from harness.files.document import stage
 from harness.files.document.layer_lines import lines_of
+from harness.files.document.xml import MAXIMUM_DEPTH
 from harness.files.joint_kinds import JointKind
 from harness.results.pair_conclusion import conclude_pair
 from harness.results.survey_conclusion import conclude_survey
@@ -942,6 +943,17 @@ def test_what_has_no_meaning_is_refused_in_a_sentence_with_its_line(tmp_path: Pa
     expected = re.sub(r"{(.*?)}", lambda found: str(line_of(text, found[1])), sentence)
     with pytest.raises(InvalidModel, match=expected.replace("(", r"\(").replace(")", r"\)")):
         robot(tmp_path, text)
+
+
+def test_prims_inside_one_another_and_layers_without_end_are_refused(tmp_path: Path) -> None:
+    deep = 'def Xform "x"\n{\n' * (MAXIMUM_DEPTH + 1) + "}\n" * (MAXIMUM_DEPTH + 1)
+    with pytest.raises(InvalidModel, match="is prim 200; no robot needs so many, or so deep ones"):
+        robot(tmp_path, HEAD + deep)
+    for number in range(MAXIMUM_DEPTH + 1):
+        written(tmp_path, "#usda 1.0\n", f"{number}.usda")
+    layers = ", ".join(f"@{number}.usda@" for number in range(MAXIMUM_DEPTH + 1))
+    with pytest.raises(InvalidModel, match="is composed of more than 200 layers; no robot needs that many"):
+        robot(tmp_path, changed("metersPerUnit = 1\n", f"metersPerUnit = 1\n    subLayers = [{layers}]\n"))
 
 
 def test_a_fifo_is_refused_before_it_is_opened(tmp_path: Path) -> None:

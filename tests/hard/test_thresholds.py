@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -43,6 +44,13 @@ def test_a_law_is_the_slope_until_the_distance_grows_no_more() -> None:
 
 def test_too_few_distances_and_none_at_all_have_no_law() -> None:
     assert [law.growth for law in rigid_laws(along("engine", [1e-4, 1e-2]) + along("exact", [0.0, 0.0, 0.0, 0.0]))] == [None, None]
+
+
+def test_a_law_is_of_what_has_a_logarithm_at_several_values() -> None:
+    found = along("engine", [1e-4, 1e-2, 1.0])
+    at_zero, endless = replace(found[0], value=0.0), replace(found[0], value=10.0, distance=math.inf)
+    assert [law.growth for law in rigid_laws([at_zero, endless, *found])] == [pytest.approx(-2.0)]
+    assert [law.growth for law in rigid_laws([found[0]] * 3)] == [None]
 
 
 def test_a_motion_without_a_number_is_broken() -> None:

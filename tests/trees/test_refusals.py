@@ -10,6 +10,7 @@ import mujoco
 import pytest
 
 from harness.errors import InvalidModel
+from harness.files.mjcf.reading import MOST_FILES
 from harness.trees.recursion import recursion_program
 from harness.trees.robot import read_robot
 
@@ -124,6 +125,16 @@ def test_files_that_include_each_other_are_refused(tmp_path: Path) -> None:
     (tmp_path / "other.xml").write_text('<mujocoinclude>\n<include file="robot.xml"/></mujocoinclude>')
     found = refusal(tmp_path, MJCF.replace("<worldbody>", '<include file="other.xml"/><worldbody>'))
     assert (found.path.name, found.line) == ("other.xml", 2)
+
+
+def test_more_files_than_a_robot_needs_are_refused(tmp_path: Path) -> None:
+    for number in range(MOST_FILES + 1):
+        (tmp_path / f"{number}.xml").write_text("<mujocoinclude/>")
+    includes = [f'<include file="{number}.xml"/>' for number in range(MOST_FILES + 1)]
+    few, many = (MJCF.replace("<worldbody>", f"{''.join(includes[:count])}<worldbody>") for count in (MOST_FILES, None))
+    assert refusal(tmp_path, many).problem == "<include> is file 101; expected at most 100, no robot needs more"
+    (tmp_path / "robot.xml").write_text(few)
+    read_robot(tmp_path / "robot.xml")
 
 
 def test_a_backslash_between_folders_is_a_slash_as_mujoco_has_it(tmp_path: Path) -> None:

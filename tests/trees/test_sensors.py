@@ -203,6 +203,23 @@ def test_what_springs_pull_from_outside_transmits_nothing_that_is_judged() -> No
     assert truth_of(pulled).blocks == tuple(f"{kind} '{kind} of end'" for kind in ("accelerometer", "velocimeter", "gyro"))
 
 
+@pytest.mark.parametrize(
+    ("elements", "pulling"),
+    [
+        ('<actuator><general site="bob"/></actuator>', "actuators at sites push"),
+        (
+            '<tendon><spatial name="rope"><site site="wall"/><site site="bob"/></spatial></tendon>'
+            '<equality><tendon tendon1="rope"/></equality>',
+            "tendons through sites pull",
+        ),
+    ],
+)
+def test_what_acts_at_sites_is_named_where_it_hides_what_bodies_transmit(elements: str, pulling: str) -> None:
+    text = PENDULUM.replace("SENSORS", '<force site="bob"/>').replace("<worldbody>", '<worldbody><site name="wall" pos="1 0 0"/>')
+    with pytest.raises(NotOffered, match=f"is of what bodies transmit, where {pulling} them from outside"):
+        truth_of(text.replace("</mujoco>", f"{elements}</mujoco>"))
+
+
 def test_a_check_of_a_file_compares_its_sensors_and_other_engines_offer_none(tmp_path: Path) -> None:
     (tmp_path / "robot.xml").write_text(PENDULUM.replace("SENSORS", AT_SITE.replace("SITE", "bob")))
     done = harness("check", "robot.xml", "--quantity", "sensors", "--states", "40", "--json", "out.json", cwd=tmp_path)

@@ -253,7 +253,7 @@ def put_included(source: Source) -> None:
         if file.resolve() in seen:
             source.refuse(element, f'<include file="{shorten(name)}"> stands for the second time, or in itself; include a file once')
         if len(seen) > MOST_FILES:
-            source.refuse(element, f"<include> is file {len(seen) + 1}; expected at most {MOST_FILES}, no robot needs more")
+            source.refuse(element, f"<include> is file {len(seen)}; expected at most {MOST_FILES}, no robot needs more")
         seen.add(file.resolve())
         try:
             included = source.add(read_any(file, "elements of an MJCF"), included_by=element)
