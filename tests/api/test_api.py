@@ -241,3 +241,8 @@ def test_robots_files_are_compared() -> None:
     assert "<strong>arm.urdf and arm.xml are the same robot" in page and "<html" not in page and max(map(len, printed.split())) < 200
     with pytest.raises(InvalidInput, match="there is no such file"):
         harness.compare("nothing.urdf", workers=1)
+
+
+def test_a_setting_that_is_none_is_named_with_the_nearest() -> None:
+    with pytest.raises(TypeError, match=r"got an unexpected keyword argument 'state'; .*states"):
+        harness.check("simple_pendulum", state=3)  # type: ignore[call-arg]

@@ -225,6 +225,11 @@ def test_files_that_no_rule_moves_are_refused(two_links: Path) -> None:
         gap_of(two_links, model("heavy_top"), "mujoco/RK4")
     with pytest.raises(InvalidRequest, match="the start has 1 positions and 2 velocities; expected 2 and 2"):
         gap_of(two_links, two_links, "mujoco/RK4", start='{"q": [0], "v": [0, 0]}')
+    for start in ('{"q": [0, 0]}', '{"q": ["up", 0], "v": [0, 0]}', "0", "up"):
+        with pytest.raises(InvalidRequest, match=r': expected {"q": \[...\], "v": \[...\]}'):
+            gap_of(two_links, two_links, "mujoco/RK4", start=start)
+    with pytest.raises(InvalidRequest, match="the motion of pinocchio by RK4 breaks down within 5 steps"):
+        gap_of(two_links, two_links, "pinocchio/RK4@0.001", steps=5, start='{"q": [0, 0], "v": [1e200, 1e200]}')
     with pytest.raises(InvalidRequest, match=r"a rotation turns by .* rad in a step of 0.5 s; expected up to 2"):
         spinning = '{"q": [0, 0, 0, 1, 0, 0, 0], "v": [0, 0, 0, 0, 0, 9]}'
         gap_of(model("free_body"), model("free_body"), "mujoco/RK4@0.5", "mujoco/Euler@0.5", steps=2, start=spinning)

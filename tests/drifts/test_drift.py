@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from support import InThisProcess, harness
 import harness as api
 from harness.comparison.shares import exchanges, leads_through, sampled_orders
 from harness.drifts import plan as plans
-from harness.drifts.plan import DriftSettings, HeldSides, MovingSide, plan_of
+from harness.drifts.plan import DriftSettings, HeldSides, MovingSide, plan_of, sides_of
 from harness.drifts.study import DriftStudy, PreparedDrift, drift_here, moved, prepare
 from harness.engines.moving import NumberKey
 from harness.errors import InvalidRequest
@@ -207,6 +209,8 @@ REFUSED = {
     "no pair": (("b.xml", CART), {"start": {"pin": 1.0}}, "the start of joint 'pin' is 1.0; expected 1 positions and 1 velocities"),
     "no numbers": (("b.xml", CART), {"start": {"pin": ("up", 0.0)}}, "the start of joint 'pin' is .*; expected 1 positions"),
     "no length": (("b.xml", CART.replace("0.004", "0.003")), {"seconds": 0.005}, "do not end together within 0.005 s; expected 0.012 s"),
+    "no time": (("b.xml", CART), {"seconds": 0.0}, "a motion of 0 s; expected more than 0 s, and an end"),
+    "no end": (("b.xml", CART), {"seconds": math.inf}, "a motion of inf s; expected more than 0 s, and an end"),
     "no model": (("b.xml", CART.replace("mass=", "weight=")), {}, "mujoco does not move .*b.xml: .*weight"),
 }
 
@@ -249,6 +253,22 @@ def test_an_engine_that_exchanges_no_numbers_is_the_second(folder: Path) -> None
 def test_a_side_that_is_no_engine_is_refused(folder: Path, text: str) -> None:
     with pytest.raises(InvalidRequest, match="expected ENGINE"):
         MovingSide(folder / "a.xml").by(text)
+
+
+@pytest.mark.parametrize(("delay", "decimation"), [(-0.1, 1), (math.inf, 1), (0.1, 0), (0.1, 1.5)])
+def test_a_timing_that_no_control_has_is_refused(folder: Path, delay: float, decimation: float) -> None:
+    said = f"a delay of {delay:g} s and a decimation of {decimation:g}: expected 0 s or more, and a whole number of steps from 1 on"
+    with pytest.raises(InvalidRequest, match=said):
+        MovingSide(folder / "a.xml", delay=delay, decimation=decimation)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("given", [{"by": ()}, {"by": ("mujoco",) * 3}, {"delay": (0.1,)}, {"decimation": (1, 2, 3)}])
+def test_a_drift_has_two_sides(folder: Path, given: dict[str, Any]) -> None:
+    with pytest.raises(InvalidRequest, match="expected one or two who move them, and two delays and decimations"):
+        sides_of((folder / "a.xml", None), **{"by": ("mujoco",), **given})
+    one, other = sides_of((folder / "a.xml", None), ("mujoco", "mujoco/RK4"), (0.0, 0.1), (1, 2))
+    assert (one.path, one.integrator, one.delay, one.decimation) == (folder / "a.xml", "", 0.0, 1)
+    assert (other.path, other.integrator, other.delay, other.decimation) == (folder / "a.xml", "RK4", 0.1, 2)
 
 
 def test_a_body_of_one_file_alone_comes_with_its_tree(folder: Path) -> None:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
+from harness.files.given import Given, Place
+from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text.anatomy import anatomy
 from harness.files.text.joint_table import joint_rows
@@ -20,6 +24,7 @@ from harness.files.text.scan import (
     Element,
     Number,
     Watch,
+    all_elements,
     edited,
     find_elements,
     find_numbers,
@@ -29,6 +34,8 @@ from harness.files.text.scan import (
     without,
 )
 from harness.files.text.slots import Slot
+from harness.files.text.written_numbers import with_attributes_written, with_number_written
+from harness.files.tree import Joint
 from harness.library import MODEL_SUFFIXES, Library
 
 MJCF = """\
@@ -301,3 +308,34 @@ def test_a_row_of_a_joint_tells_what_the_file_leaves_out_in_brackets() -> None:
     assert (hinge.body, hinge.mass, hinge.damping, hinge.stiffness, hinge.armature) == ("b", "2", "1", "2", "4")
     assert (slide.kind, slide.axis, slide.origin, slide.damping) == ("slide", "(0 0 1)", "(0 0 0)", "")
     assert (free.kind, free.axis, free.mass) == ("free", "", "7")
+
+
+PIN = Place(Path("robot.xml"), 10, 7, "joint")
+
+
+def test_attributes_are_written_into_the_element_of_their_place() -> None:
+    own = all_elements(MJCF, "mjcf")
+    (pin,) = [number for number, element in enumerate(own) if element.tag == "joint"]
+    place = replace(PIN, element=pin)
+    changed = with_attributes_written(MJCF, "mjcf", place, {"axis": "1 0 0", "damping": "3"})
+    assert changed == MJCF.replace('<joint name="pin" axis="0 1 0"/>', '<joint damping="3" name="pin" axis="1 0 0"/>')
+    assert with_number_written(MJCF, "mjcf", Given(1.0, place, "axis", 1), 0.1) == MJCF.replace('axis="0 1 0"', 'axis="0 0.1 0"')
+    for elsewhere in (replace(place, element=pin + 1), replace(place, element=len(own))):
+        with pytest.raises(KeyError, match=r"<joint> at robot\.xml:10"):
+            with_attributes_written(MJCF, "mjcf", elsewhere, {"damping": "3"})
+    with pytest.raises(KeyError, match=r"axis of <joint> at robot\.xml:10"):
+        with_number_written(MJCF, "mjcf", Given(1.0, place, "axis", 3), 0.1)
+
+
+def test_a_number_of_a_file_is_itself_in_a_copy_and_knows_its_place_after_a_journey() -> None:
+    number = Given(0.1, PIN, "axis", 2)
+    assert copy.copy(number) is copy.deepcopy(number) is number
+    again = pickle.loads(pickle.dumps(number))
+    assert (again, again.key, again.component) == (number, (PIN, "axis", 2), "z")
+
+
+def test_a_part_knows_places_of_what_its_file_gives_alone() -> None:
+    joint = Joint("pin", JointKind.HINGE, damping=Given(1.0, PIN, "damping"))
+    assert joint.place_of("damping") == PIN and joint.places == {"damping": PIN}
+    with pytest.raises(KeyError, match="stiffness"):
+        joint.place_of("stiffness")
