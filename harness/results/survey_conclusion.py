@@ -150,7 +150,7 @@ def conclude_changes(found: FilesComparison, now: Sequence[str], before: Mapping
             if path in files:
                 how = "" if own or path not in old_files else "; each outcome is as before"
                 rows.append(f"  engines: {'; '.join(own or same) or 'none was asked'}{how}")
-    count = counted(len(files), "robot")
+    count = counted(len({*now, *before}), "robot")
     if not changed:
         return Conclusion(f"{count}: none differs from {where}.")
     verb = "differs" if len(changed) == 1 else "differ"

@@ -48,7 +48,7 @@ def test_what_came_what_went_and_what_cannot_be_read_any_more_is_told(folder: Pa
     (robots / "quadruped.xml").unlink()
     (robots / "arm.urdf").write_text((robots / "arm.urdf").read_text().replace('<mass value="4"/>', '<mass value="four"/>'))
     lines = survey(folder).stdout.splitlines()
-    assert lines[0] == "3 of 3 robots differ from old: robots/arm.urdf, robots/quadruped.xml, robots/second.urdf."
+    assert lines[0] == "3 of 4 robots differ from old: robots/arm.urdf, robots/quadruped.xml, robots/second.urdf."
     assert lines[1].startswith("  robots/arm.urdf: cannot be read: line 26: ")
     assert lines[3] == "  robots/quadruped.xml: no longer there."
     assert lines[4] == "  robots/second.urdf: new."
