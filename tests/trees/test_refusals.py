@@ -102,6 +102,8 @@ def test_a_urdf_without_meaning_is_refused_at_its_line(tmp_path: Path, old: str,
         ('<joint name="second"/>', '<joint springdamper="1 0"/>', 5, "has springdamper 1 0; expected two positive numbers"),
         ('<joint name="second"/>', '<joint type="ball" springdamper="1 1"/>', 5, "is a ball joint with springdamper, which is not read"),
         ('<joint name="second"/>', '<joint stiffness="1 2"/>', 5, 'stiffness="1 2" is not linear, which is not read; write one number'),
+        ('name="second"', 'name="second" type="screw"', 5, "is of type 'screw'; expected one of hinge, slide, ball, free"),
+        ("</mujoco>", '<tendon><fixed stiffness="1"><joint joint="third" coef="1"/></fixed></tendon></mujoco>', 8, "no hinge or slide"),
         ('diaginertia="1 1 1"', 'fullinertia="1 1 1 0 0"', 5, "holds 5 numbers; expected 6"),
         ('mass="1"', "", 5, "has no attribute 'mass'; add it"),
         ("</body>\n</body>", '</body>\n</body><composite type="cable"/>', 6, "makes bodies by the rules of MuJoCo's program"),
@@ -147,6 +149,25 @@ def test_a_backslash_between_folders_is_a_slash_as_mujoco_has_it(tmp_path: Path)
         == mujoco.MjModel.from_xml_path(str(path)).opt.gravity.tolist()
         == [0, 0, -2]
     )
+
+
+def test_a_file_that_takes_no_inertia_from_geoms_has_those_that_it_states(tmp_path: Path) -> None:
+    path = tmp_path / "robot.xml"
+    for word, has_solids in (("false", False), ("auto", True)):
+        path.write_text(MJCF.replace('angle="radian"', f'inertiafromgeom="{word}"'))
+        one, two = read_robot(path).tree.bodies
+        assert (bool(one.solids), one.inertia, two.inertia is not None) == (has_solids, None, True)
+
+
+def test_an_actuator_of_a_ball_joint_must_bring_it_no_damping(tmp_path: Path) -> None:
+    acts = '<actuator><general joint="second" damping="2"/></actuator>'
+    text = MJCF.replace('name="second"', 'name="second" type="ball"').replace("</mujoco>", f"{acts}</mujoco>")
+    found = refusal(tmp_path, text)
+    why_not = "the actuator drives joint 'second', which is no hinge or slide"
+    said = f'<general> damping="2" is on with actuators off, and {why_not}, which is not read; remove it'
+    assert (found.line, found.problem) == (8, said)
+    (tmp_path / "robot.xml").write_text(text.replace(' damping="2"', ""))
+    assert [one.why_not for one in read_robot(tmp_path / "robot.xml").actuators] == [""]
 
 
 def test_other_files_are_refused(tmp_path: Path) -> None:
