@@ -112,10 +112,11 @@ def _acts(root: etree._Element, constraint: Constraint) -> bool:
 
 def _least_time_constant(root: etree._Element) -> Fraction:
     """The least time constant, to which ``solref`` is raised: two steps, unless the flag "refsafe" is off."""
-    return 2 * Fraction(_time_step(root)) if is_on(root, "refsafe") else Fraction(0)
+    return 2 * Fraction(time_step(root)) if is_on(root, "refsafe") else Fraction(0)
 
 
-def _time_step(root: etree._Element) -> float:
+def time_step(root: etree._Element) -> float:
+    """The length of a step [s] of a file with this root element."""
     return float(_option(root, "timestep") or _TIMESTEP)
 
 
@@ -191,7 +192,7 @@ def _weights(constraint: Constraint) -> tuple[tuple[InverseWeight, ...], ...]:
 
 def rules_in(root: etree._Element) -> tuple[StepRule, ...]:
     """The rules of all integrators by the options of a file with this root element, first the one that the file chooses."""
-    length = _time_step(root)
+    length = time_step(root)
     chosen = _option(root, "integrator")
     euler = frozenset({ImplicitPart.JOINT_DAMPERS} if is_on(root, "eulerdamp") else ())
     rules = (

@@ -20,6 +20,7 @@ import numpy as np
 import warp
 
 from harness.arrays import Array
+from harness.engines.adapters.mujoco import law
 from harness.engines.adapters.mujoco.acting import held_of, switch_on
 from harness.engines.adapters.mujoco.on_device import DeviceFile
 from harness.engines.adapters.mujoco.robot import MujocoFile
@@ -73,6 +74,9 @@ class SolverFile(DeviceFile):
         places = {name: compiled.joint(compiled.dof_jntid[velocities.index(start)]) for name, (_, start) in starts.items()}
         read = MujocoFile(compiled, request, (), places)
         on_device.opt.disableflags |= compiled.opt.disableflags
+        # Which users pass to each step: the least time constants of constraints follow from it.
+        compiled.opt.timestep = law.time_step(elements_of(request))
+        on_device.opt.timestep.fill_(compiled.opt.timestep)
         self._actuators = _actuators(solver, robot)
         with warp.ScopedDevice("cpu"):
             solver.mjw_data.eq_active.assign(np.tile(compiled.eq_active0.astype(bool), (BLOCK, 1)))
