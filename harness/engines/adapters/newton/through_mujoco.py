@@ -1,8 +1,10 @@
 """A file that Newton has read, in MuJoCo Warp as ``SolverMuJoCo`` converts it: ``mujoco_warp.forward`` in blocks of states.
 
 Its positions, velocities and forces are MuJoCo's, in worlds that it has made itself: what it converts of Newton's model is judged, and not
-what Newton's ``State`` becomes of them. The importer takes the second site of a connect for its body alone,
-docs/issues/newton-mjcf-connect-by-sites.md.
+what Newton's ``State`` becomes of them.
+
+What is lost before MuJoCo Warp: docs/issues/newton-mjcf-connect-by-sites.md, docs/issues/newton-mjcf-tendons-lose-joints.md, and inverse
+weights, docs/issues/mujoco-warp-set-const-inverse-weights.md.
 
 Source: Newton documentation, ``SolverMuJoCo`` and its page MuJoCo; its sources of 1.8.
 """
