@@ -58,10 +58,6 @@ class FileRecord:
         """``fixed_base`` of the file."""
         return fixed_base(self.trunk, self.format)
 
-    @property
-    def name(self) -> str:
-        return Path(self.path).name
-
 
 @dataclass(frozen=True, kw_only=True)
 class SubjectRecord:

@@ -168,10 +168,6 @@ class Upgraded:
         return names_apart(one.now.system for one in self.asked)
 
     @property
-    def is_worse(self) -> bool:
-        return any(one.is_worse for one in self.asked)
-
-    @property
     def left_out(self) -> Mapping[str, Sequence[tuple[str, LeftOut]]]:
         """Parts that bear on motion and were not asked about, with the name of each file that has them."""
         found = dict.fromkeys((self._names[one.now.system], part) for one in self._compared for part in one.left_out)

@@ -33,9 +33,9 @@ def test_each_file_says_that_it_is_in_the_public_domain(path: Path) -> None:
 
 @pytest.mark.ci
 def test_every_file_means_a_robot_that_a_body_can_be_and_every_engine_answers_on_it(found: FilesComparison) -> None:
-    assert {file.name for file in found.files} == {path.name for path in FILES} and len(FILES) == 5
+    assert {Path(file.path).name for file in found.files} == {path.name for path in FILES} and len(FILES) == 5
     assert not any(file.problem or file.impossible or file.undecided for file in found.files)
-    assert {file.name: file.degrees_of_freedom for file in found.files if file.format == "urdf"} == {
+    assert {Path(file.path).name: file.degrees_of_freedom for file in found.files if file.format == "urdf"} == {
         "arm.urdf": 6, "gripper.urdf": 2, "quadruped.urdf": 18,
     }  # fmt: skip
     assert found.as_expected and len(found.subjects) == 2 * len(FILES)

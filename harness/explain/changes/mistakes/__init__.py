@@ -80,15 +80,13 @@ class Mistake:
 
     def plant(self, model: ModelFile) -> Iterator[Change]:
         """The mistakes that can be made in a model."""
-        declared = list((self.plants or self.changes or _nowhere)(anatomy(model)))
+        kinds = self.plants or self.changes
+        assert kinds is not None
+        declared = list(kinds(anatomy(model)))
         yield from (change for change in declared if isinstance(change, Change))
         for change, after in _effective(model.text, (change for change in declared if isinstance(change, FixedChange))):
             places = [*(_made(slot, words) for slot, words in change.writes), *(slot.place for slot in change.forgotten)]
             yield Change(self.name, change.statement, tuple(places), lambda size, after=after: after)  # type: ignore[misc]
-
-
-def _nowhere(_parts: Anatomy) -> Iterable[FixedChange]:
-    return ()
 
 
 def find_mistakes() -> list[Mistake]:
