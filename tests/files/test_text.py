@@ -18,7 +18,7 @@ from harness.files.given import Given, Place
 from harness.files.joint_kinds import JointKind
 from harness.files.model_file import ModelFile, parse_model, read_model
 from harness.files.text.anatomy import anatomy
-from harness.files.text.joint_table import joint_rows
+from harness.files.text.joint_table import constraint_texts, joint_rows, point_springs
 from harness.files.text.lines import lines_of
 from harness.files.text.scan import (
     Element,
@@ -339,3 +339,20 @@ def test_a_part_knows_places_of_what_its_file_gives_alone() -> None:
     assert joint.place_of("damping") == PIN and joint.places == {"damping": PIN}
     with pytest.raises(KeyError, match="stiffness"):
         joint.place_of("stiffness")
+
+
+def test_what_ties_a_mechanism_is_told_with_its_line_in_both_formats() -> None:
+    library = Library.built_in()
+
+    def told(name: str) -> list[str]:
+        own = [read_model(library.model_path(name, model_format), model_format) for model_format in MODEL_SUFFIXES]
+        return [line for model in own for line in (*constraint_texts(model), *point_springs(model))]
+
+    squeezer = "constraint pin_3 holds a point of K2 at -0.028 0 0 at one of K3 at 0 0 -0.035"
+    assert [line for line in told("andrews_squeezer") if "pin_3" in line] == [f"line 63: {squeezer}", f"line 120: {squeezer}"]
+    left = "constraint rope_left moves joint rope_left by 0 0.2 0 0 0 of powers of pulley"
+    assert [line for line in told("atwood") if "rope_left" in line] == [f"line 29: {left}", f"line 41: {left}"]
+    assert told("collar") == [
+        "line 23: spatial tendon over site anchor, site eye: name spring, stiffness 120, springlength 2.5",
+        "line 24: spring from world at -2.5 0 0 to collar at 1.5 0 0, stiffness 120, damping 0, free length 2.5",
+    ]

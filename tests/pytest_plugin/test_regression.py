@@ -157,6 +157,9 @@ def test_nothing_is_collected_unless_asked_for(library: Path) -> None:
         (["--harness-library", "nowhere"], "no such directory"),
         (["--harness-library", ".", "--harness-subject", "mujoco/mjfc"], "did you mean 'mujoco/mjcf'"),
         (["--harness-library", ".", "--harness-states", "0"], "--harness-states"),
+        (["--harness-library", ".", "--harness-time-limit", "0"], "--harness-time-limit: 0.0 is not above zero"),
+        (["--harness-library", ".", "--harness-time-limit", "nan"], "--harness-time-limit: nan is not above zero"),
+        (["--harness-library", ".", "--harness-memory-limit", "much"], "--harness-memory-limit: 'much'"),
         (["--harness-library", ".", "--harness-quantity", "mass_matrx"], "did you mean 'mass_matrix'"),
     ],
 )
