@@ -11,8 +11,9 @@ import pytest
 from support import harness
 
 from harness.commands.new import write_example
-from harness.errors import InvalidInput
-from harness.library import Library, installed_libraries
+from harness.errors import InvalidInput, InvalidModel
+from harness.files.document.xml import read_text
+from harness.library import Library, installed_libraries, sizes
 
 
 def distribution(site: Path, name: str, **entries: str) -> None:
@@ -106,3 +107,48 @@ def test_an_installed_library_is_not_written_to(site: Path, tmp_path: Path, monk
     with pytest.raises(InvalidInput, match="installed library"):
         write_example(Path("my-arms"), "another")
     assert not Path("my-arms").exists()
+
+
+def test_an_installed_library_of_no_package_is_refused(site: Path) -> None:
+    distribution(site, "odd", odd=":library")
+    with pytest.raises(InvalidInput, match="is an installed library whose package '' cannot be found by Python"):
+        Library.at("odd")
+
+
+def test_folders_that_are_no_libraries_and_libraries_without_systems_are_refused(tmp_path: Path) -> None:
+    (file := tmp_path / "file").touch()
+    with pytest.raises(InvalidInput, match="file: no such directory; expected a library with systems/, mjcf/ and urdf/"):
+        Library.at(file)
+    with pytest.raises(InvalidInput, match="holds no systems/ folder; expected a library with systems/, mjcf/ and urdf/"):
+        Library.at(tmp_path)
+    (tmp_path / "systems").mkdir()
+    with pytest.raises(InvalidInput, match=r"systems: holds no system file; expected systems/<name>\.py"):
+        Library.at(tmp_path).select([])
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("SIZES = (3, 0, 20)\n", (3, 20)), ("SYSTEM = None\n", ()), ("# SIZES = (3,)\n", ()), ("SIZES = ('three',)\n", ()),
+        ("SIZES = range(3)\n", ()), ("SIZES = 3\n", ()), ("SIZES = (\n", ()), ("SIZES = other = (3,)\n", ()),
+    ],
+)  # fmt: skip
+def test_sizes_of_a_family_are_read_without_running_it(tmp_path: Path, text: str, found: tuple[int, ...]) -> None:
+    (tmp_path / "chain.py").write_text(f"raise RuntimeError\n{text}")
+    assert sizes(tmp_path / "chain.py") == found and sizes(tmp_path / "gone.py") == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "problem"),
+    [
+        ("", None, "defines no model(n); expected a function that returns the text of the model of size n"),
+        ("def model(n):\n    return n\n", None, "model(4) returned a int; expected the text of chain_4.xml"),
+        ("def model(n):\n    return 1 / 0\n", 2, "ZeroDivisionError"),
+        ("def model(n:\n", 1, "is not Python"),
+    ],
+)
+def test_a_family_that_writes_no_models_is_refused_at_its_line(tmp_path: Path, text: str, line: int | None, problem: str) -> None:
+    (tmp_path / "chain.py").write_text(text)
+    with pytest.raises(InvalidModel) as told:
+        read_text(tmp_path / "chain_4.xml")
+    assert (told.value.path, told.value.line) == (tmp_path / "chain.py", line) and problem in told.value.problem

@@ -12,7 +12,7 @@ import pytest
 from comparison.robots import FILES
 from support import harness
 
-from harness.comparison.collection import find_files
+from harness.comparison.collection import find_files, load_expectations
 from harness.errors import InvalidInput
 from harness.files.document.xml import MAXIMUM_BYTES
 
@@ -97,3 +97,19 @@ def test_a_folder_that_cannot_be_listed_is_named(tmp_path: Path, monkeypatch: py
     done = harness("survey", str(tmp_path), "--out", str(tmp_path / "reports"))
     problem = f"{closed}: this folder cannot be listed (Permission denied); give yourself the right, or name the folders to be read"
     assert (done.returncode, done.stdout) == (2, "") and problem in " ".join(done.stderr.split())
+
+
+def test_expectations_that_are_none_or_of_no_robot_are_refused(tmp_path: Path) -> None:
+    entry = '[[expected]]\nfile = "arm.urdf"\nsubject = "mujoco/urdf"\noutcome = "refused"\nreason = "{}"\n'
+    path = tmp_path / "expected_robots.toml"
+    assert not load_expectations(tmp_path)
+    for text in ("[[expected]", "[[expected]]\nfile = 3\n", "[[expected]]\nfile = 'arm.urdf'\n"):
+        path.write_text(text)
+        with pytest.raises(InvalidInput, match="; expected entries with file, subject, outcome and reason"):
+            load_expectations(tmp_path)
+    path.write_text(entry.format("first") + entry.format("second"))
+    with pytest.raises(InvalidInput, match=r"names 'arm\.urdf', which is not in the folder; remove the entry, or correct the path"):
+        load_expectations(tmp_path)
+    (tmp_path / "arm.urdf").touch()
+    ((of, found),) = load_expectations(tmp_path).items()
+    assert of == ((tmp_path / "arm.urdf").resolve(), "mujoco/urdf") and found.reason == "first"
