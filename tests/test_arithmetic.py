@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from support import harness, make_library, records_of
 
+from harness import arithmetic
 from harness.arithmetic import KeptArithmetic
 
 # Of ``fesetround``.
@@ -132,3 +133,14 @@ def checked(folder: Path, engines: dict[str, str]) -> tuple[dict[str, tuple[str,
         {one["subject"]: (one["verdict"], one["backward_error"]) for one in found},
         {one["subject"]: one["message"] for one in found},
     )
+
+
+@pytest.mark.parametrize(("machine", "library"), [("riscv64", LIBRARY), (platform.machine(), "no_such_library.so")])
+def test_where_the_control_word_is_not_known_nothing_is_told(machine: str, library: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    known = arithmetic._environment()
+    monkeypatch.setattr(platform, "machine", lambda: machine)
+    monkeypatch.setattr(arithmetic, "_LIBRARIES", {platform.system(): library})
+    monkeypatch.setattr(arithmetic, "_environment", arithmetic._environment.__wrapped__)
+    with KeptArithmetic() as kept:
+        assert known is not None and arithmetic._environment() is None
+    assert kept.left == ""

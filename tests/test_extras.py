@@ -20,7 +20,7 @@ from support import harness
 
 from harness import load
 from harness.engines import describe_engines
-from harness.errors import DISTRIBUTION, EXTRAS, InvalidRequest
+from harness.errors import DISTRIBUTION, EXTRAS, InvalidRequest, require
 from harness.lagrange.derivation import load_mechanism
 from harness.library import Library
 from harness.workers import Workers
@@ -173,3 +173,9 @@ def test_everything_that_is_imported_is_declared() -> None:
     assert missing == {}
     used = {one for name in everywhere for one in (named.get(name, ""), name, *known.get(name, []))} | {"mujoco", "pin"}
     assert base - used == set()
+
+
+def test_a_module_inside_a_package_that_is_not_there_is_not_installed() -> None:
+    require("numbers have arrays", "numpy", "numpy.linalg")
+    with pytest.raises(InvalidRequest, match=r"^a report has charts: no_such_package\.inner is not installed$"):
+        require("a report has charts", "numpy", "no_such_package.inner")

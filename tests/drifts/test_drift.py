@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from harness.engines.moving import NumberKey
 from harness.errors import InvalidRequest
 from harness.results.cause import DriftCause
 from harness.results.drift import ENGINE, DriftRecord
+from harness.show.drift import draw_drift
 from harness.study import run_study
 
 
@@ -186,6 +188,19 @@ def test_no_share_is_claimed_where_rounding_is_as_large(tmp_path: Path) -> None:
     found = drift_here(DriftSettings(sides(tmp_path), 0.5))
     assert all(share.whole is None and not any(share.positions) for share in found.shares)
     assert "no share is claimed" in found.sentence
+    assert found.horizon is not None
+    drawn = draw_drift(found).svg
+    (at, width), axis = (
+        re.findall(r'<rect x="([\d.]+)" y="[\d.]+" width="([\d.]+)"', drawn)[0],
+        re.findall(r'd="M([\d.]+) [\d.]+H([\d.]+)"', drawn),
+    )
+    left, right = map(float, axis[0])
+    # Grey from the horizon to the end.
+    assert float(at) == pytest.approx(left + found.horizon / found.times[-1] * (right - left), abs=0.1)
+    assert float(at) + float(width) == pytest.approx(right, abs=0.2) and ">grey: rounding alone<" in drawn
+    assert "rounding alone" not in draw_drift(replace(found, horizon=None)).svg
+    assert repr(draw_drift(found)) == f"<{draw_drift(found).title}; a notebook shows it, and save(path) writes it to an SVG file>"
+    assert draw_drift(found)._repr_svg_() == drawn
     far = drift_here(DriftSettings(sides(tmp_path, "a.xml", "a.xml"), 0.1))
     assert not any(far.of_positions) and any(far.rounding)
 
