@@ -13,11 +13,14 @@ from harness.results.comparison import FileRecord, FilesComparison, PairRecord, 
 from harness.results.detail import Detail
 from harness.results.hard_states import SearchResult, as_lines
 from harness.results.measured import MeasuredNumber, MeasuredRecord
+from harness.results.readings import lines_text
 from harness.results.records import Records, Representative
+from harness.results.shapes import ShapesRecord
 from harness.results.survey_conclusion import conclude_changes
 from harness.results.switched_on import SwitchedOnRecord, switched_on_text
-from harness.results.trend import RunChange
-from harness.results.trend_numbers import MEDIAN
+from harness.results.table import seconds_text
+from harness.results.trend import RunChange, run_changes
+from harness.results.trend_numbers import MEDIAN, PERCENTILE_99, WORST
 from harness.results.upgrade import FILE, Asked, CompiledChange, Upgraded
 
 MASS = MeasuredNumber(cause="mass", owner="body arm", what="mass", place="line 4", value=2.0, fitted=2.5, explained=0.6, error=0.0123)
@@ -161,3 +164,27 @@ def test_origins_are_ranges_over_the_records_that_say_them() -> None:
         "states: 900 to 1,000 sampled, 0 searched for by hypothesis; on top 3 stored with the system, "
         "0 simplest failing ones of this run and earlier ones"
     )
+
+
+def test_shapes_that_an_engine_finds_are_told_in_a_sentence() -> None:
+    found = ShapesRecord(verdict="agrees", contacts=0, given=0, error=0.0)
+    assert found.text == "no shapes touch, and none do by the file"
+    assert replace(found, given=2).text == "no contact is of shapes with a closed form; 2 contacts of other shapes taken as found"
+    assert replace(found, contacts=1, given=1, error=3.0, rule="It cuts corners").text == (
+        "1 contact within 3.00 roundoffs of where the engine's own rule has them; 1 contact of other shapes taken as found. It cuts corners"
+    )
+    assert replace(found, rest=["a is apart"]).text == "other contacts than the file has: a is apart"
+    assert replace(found, rest=["a is apart", "b", "c"]).text == "other contacts than the file has: a is apart, and 2 further differences"
+
+
+def test_lines_and_times_that_are_none_have_words() -> None:
+    assert [lines_text(lines, 2) for lines in ((), (3,), (5, 3, 5), (9, 1, 4))] == [
+        "no line of the file", "line 3", "lines 3, 5", "lines 1, 4 and 1 more",
+    ]  # fmt: skip
+    assert [seconds_text(time) for time in (None, 2.0, 2e-3, 2e-6, 2e-9)] == ["-", "2.00 s", "2.00 ms", "2.00 µs", "2.00 ns"]
+
+
+def test_errors_of_answers_to_different_questions_are_no_changes() -> None:
+    was, now = (replace(RECORD, verdict=verdict, backward_error=error) for verdict, error in (("disagrees", 1e6), ("explained", 1.0)))
+    assert "worst backward error" in {one.what for one in run_changes([was], [replace(now, verdict="agrees")])}
+    assert {one.what for one in run_changes([was], [now])} & {MEDIAN, PERCENTILE_99, WORST} == set()
