@@ -101,6 +101,8 @@ BROKEN = {
     "no verdict": (json.dumps([GOOD | {"verdict": "bad"}]), None, "expected one of agrees"),
     "a text for a number": (json.dumps([GOOD | {"digits_lost": "many"}]), None, "Expected `float`, got `str` - at `\\$.digits_lost`"),
     "NaN in the state": (json.dumps([GOOD | {"state": {"q": [float("nan")], "v": [0.0], "tau": [0.0]}}]), None, "finite"),
+    "an error that is no number": (json.dumps([GOOD | {"backward_error": "nan"}]), None, '"backward_error" or "digits_lost" is no number'),
+    "digits that are no number": (json.dumps([GOOD | {"digits_lost": "nan"}]), None, '"backward_error" or "digits_lost" is no number'),
     "no tau": (json.dumps([GOOD | {"state": {"q": [0.0], "v": [0.0]}}]), None, "tau"),
     "no date": (json.dumps([GOOD | {"date": "yesterday"}]), None, "entry 1"),
 }
@@ -118,6 +120,18 @@ def test_a_broken_file_is_refused_with_its_place(library: Library, what: str) ->
     with pytest.raises(InvalidInput):
         keep(library, "bar_pendulum", [FOUND])
     assert path.read_text() == text
+
+
+def test_a_file_that_is_no_text_is_refused(library: Library) -> None:
+    path = path_of(library, "bar_pendulum")
+    path.parent.mkdir()
+    path.write_bytes(as_text([FOUND]).encode("utf-16"))
+    with pytest.raises(InvalidInput, match=r"cannot be read: .*; expected a list of objects with "):
+        load_found(library, "bar_pendulum")
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(InvalidInput, match=r"cannot be read: .*directory"):
+        load_found(library, "bar_pendulum")
 
 
 def test_a_state_of_another_size_is_refused(library: Library) -> None:
