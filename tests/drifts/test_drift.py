@@ -370,8 +370,10 @@ def test_meshes_that_are_not_found_are_left_out_and_told(tmp_path: Path) -> None
     assert all("rod.stl" in side.title and side.title.endswith("their contacts are left out") for side in (found.first, found.second))
 
 
-def test_a_table_is_no_first_side(tmp_path: Path) -> None:
+def test_a_table_is_no_first_side_and_there_is_no_third(tmp_path: Path) -> None:
     (tmp_path / "a.xml").write_text(CART)
     (tmp_path / "log.csv").write_text("time,pin\n0,0\n")
     done = harness("drift", "log.csv", "a.xml", cwd=tmp_path)
     assert done.returncode == 2 and "log.csv is a table; give the model first" in done.stderr
+    done = harness("drift", "a.xml", *["--by", "mujoco"] * 3, cwd=tmp_path)
+    assert done.returncode == 2 and "--by is given once for both sides, or twice" in done.stderr
