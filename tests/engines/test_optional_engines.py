@@ -411,6 +411,9 @@ def test_newton_s_mujoco_is_judged_on_files_with_all_on(environment: Callable[[s
     without = tmp_path / "without.xml"
     without.write_text(loops.read_text().replace('<connect name="loop" site1="foot" site2="ground"/>', ""))
     on(without, explained=True)
+    example = Path(__file__).parents[2] / "docs" / "examples" / "joints-of-tendons.xml"
+    (plain, _) = found_by(environment("newton_mujoco"), tmp_path, "compare", str(example), "--subject", "newton_mujoco/mjcf")["subjects"]
+    assert plain["explained"] and [one["name"] for one in plain["readings"]] == ["joints of tendons"]
     lifted = tmp_path / "lifted.xml"
     lifted.write_text("""<mujoco><worldbody><site name="ground" pos="0 0 0.5"/><body name="block"><joint name="lift" type="slide"/>
     <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/><site name="foot"/></body></worldbody>

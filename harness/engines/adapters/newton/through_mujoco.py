@@ -80,6 +80,8 @@ class SolverFile(DeviceFile):
         compiled.opt.timestep = law.time_step(elements_of(request))
         on_device.opt.timestep.fill_(compiled.opt.timestep)
         self._actuators = _actuators(solver, robot)
+        if not {*held.actuators} <= {*self._actuators}:
+            raise Refused("it makes no actuator of one of the file")
         with warp.ScopedDevice("cpu"):
             solver.mjw_data.eq_active.assign(np.tile(compiled.eq_active0.astype(bool), (BLOCK, 1)))
             _still(on_device, [place for place, number in enumerate(self._actuators) if number not in held.actuators])
@@ -118,7 +120,7 @@ class SolverFile(DeviceFile):
 
     def _of_all(self, own: Array, numbers: Sequence[int]) -> Array:
         """(n, actuators of the file), of those with these numbers; 0 of all others."""
-        found = np.zeros((len(own), len(self._actuators)))
+        found = np.zeros((len(own), 1 + max([*self._actuators, *numbers], default=-1)))
         found[:, list(numbers)] = own
         return found
 
@@ -190,11 +192,7 @@ def _names_of_bodies(solver: Any, robot: Any, request: Request) -> dict[str, str
 
 
 def _actuators(solver: Any, robot: Any) -> list[int]:
-    """The number in the file of each actuator of the solver, which has those that drive towards targets of joints first.
-
-    Raises:
-        Refused: the importer or the solver leaves one out.
-    """
+    """The number in the file of each actuator of the solver, which has those that drive towards targets of joints first."""
     rows = [robot.custom_attributes[f"mujoco:{name}"].values or [] for name in ("ctrl_source", "ctrl_type", "actuator_trnid")]
     kinds = newton.solvers.SolverMuJoCo.CtrlType
     targets = {
@@ -210,8 +208,6 @@ def _actuators(solver: Any, robot: Any) -> list[int]:
             found.append(targets[(index, False) if index >= 0 else (-index - 2, True)])
         else:
             found.append(index)
-    if sorted(found) != list(range(len(rows[0]))):
-        raise Refused("SolverMuJoCo has no actuator for one of the file, or several")
     return found
 
 
