@@ -27,7 +27,7 @@ from harness.engines.adapters.mujoco.acting import held_of, switch_on
 from harness.engines.adapters.mujoco.on_device import DeviceFile
 from harness.engines.adapters.mujoco.robot import MujocoFile
 from harness.engines.adapters.mujoco_warp.device import BLOCK, MOST_CONTACTS, MOST_ROWS, ModelInWorlds, WarpModel
-from harness.engines.adapters.newton.worlds import Joined, read_by, sanitized, starts_of
+from harness.engines.adapters.newton.worlds import Joined, armature_of, read_by, sanitized, starts_of
 from harness.engines.interface import LoadedModel, Unsupported
 from harness.engines.reading import elements_of
 from harness.engines.request import AskedJoint, Held, Refused, Request
@@ -53,23 +53,7 @@ class SolverFile(DeviceFile):
         if held.limited and request.format == "urdf":
             raise Refused("SolverMuJoCo pushes joints of a URDF back from their limits by gains of Newton's own, which no URDF gives")
         _rub_and_limit(robot, request.joints, starts, held)
-        if request.aid is not None and request.format == "urdf":
-            # They bound actuators, of which a URDF has none, and SolverMuJoCo takes no effort of zero.
-            robot.joint_effort_limit = [_NO_LIMIT] * robot.joint_dof_count
-        scene = newton.ModelBuilder()
-        newton.solvers.SolverMuJoCo.register_custom_attributes(scene)
-        scene.replicate(robot, BLOCK)
-        with warp.ScopedDevice("cpu"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            model = scene.finalize(skip_validation_inertia=request.aid is not None)
-            if request.aid is not None:
-                model.set_gravity(request.aid.gravity)
-                if request.format == "urdf":
-                    model.joint_armature.assign(np.tile(_armature(request, robot, starts), BLOCK))
-            try:
-                solver = newton.solvers.SolverMuJoCo(model, **_settings(held))
-            except (ValueError, NotImplementedError, RuntimeError) as error:
-                raise Refused(f"SolverMuJoCo: {' '.join(str(error).split())}") from error
+        solver = _solver_of(request, robot, starts, held)
         compiled, on_device = solver.mj_model, solver.mjw_model
         switch_on(compiled, held.kinds, held.switched_on)
         velocities = solver.mjc_dof_to_newton_dof.numpy()[0].tolist()
@@ -224,14 +208,24 @@ def _still(on_device: Any, actuators: Sequence[int]) -> None:
         getattr(on_device, name).assign(own)
 
 
-def _armature(request: Request, robot: Any, starts: Mapping[str, tuple[int, int]]) -> Array:
-    """(nv,) rotor inertias that are supplied, in Newton's order."""
-    assert request.aid is not None
-    found = np.zeros(robot.joint_dof_count, dtype=np.float32)
-    for joint in request.joints:
-        if joint.name in starts:
-            found[starts[joint.name][1] :][: len(joint.velocities)] = request.aid.armature[list(joint.velocities)]
-    return found
+def _solver_of(request: Request, robot: Any, starts: Mapping[str, tuple[int, int]], held: Held) -> Any:
+    """``SolverMuJoCo`` of ``BLOCK`` worlds; raises Refused."""
+    if request.aid is not None and request.format == "urdf":
+        # They bound actuators, of which a URDF has none, and SolverMuJoCo takes no effort of zero.
+        robot.joint_effort_limit = [_NO_LIMIT] * robot.joint_dof_count
+    scene = _builder()
+    scene.replicate(robot, BLOCK)
+    with warp.ScopedDevice("cpu"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model = scene.finalize(skip_validation_inertia=request.aid is not None)
+        if request.aid is not None:
+            model.set_gravity(request.aid.gravity)
+            if request.format == "urdf":
+                model.joint_armature.assign(np.tile(armature_of(request, robot, starts), BLOCK))
+        try:
+            return newton.solvers.SolverMuJoCo(model, **_settings(held))
+        except (ValueError, NotImplementedError, RuntimeError) as error:
+            raise Refused(f"SolverMuJoCo: {' '.join(str(error).split())}") from error
 
 
 def _settings(held: Held) -> dict[str, Any]:

@@ -63,7 +63,7 @@ class NewtonFile(NewtonQuantities):
                 # Its importer passes over that of a file, docs/issues/newton-mjcf-gravity.md.
                 self._model.set_gravity(request.aid.gravity)
                 if request.format != "mjcf":
-                    self._model.joint_armature.assign(np.tile(self._armature(robot, starts), BLOCK))
+                    self._model.joint_armature.assign(np.tile(armature_of(request, robot, starts), BLOCK))
                 if not self.applies_dampers:
                     self._model.joint_damping.zero_()
             for gains in ("joint_limit_ke", "joint_limit_kd", "joint_target_ke", "joint_target_kd"):
@@ -79,13 +79,6 @@ class NewtonFile(NewtonQuantities):
         self._frames = {joint.name: frames[number] for number, those in joined.items() for joint in those if len(frames)}
         self._rows = _rows_of_jacobians(self._model)
         self._references = _references(self._model, self.starts, request)
-
-    def _armature(self, robot: Any, starts: Mapping[str, tuple[int, int]]) -> Array:
-        """(nv,) rotor inertias that are supplied, in Newton's order."""
-        found = np.zeros(robot.joint_dof_count, dtype=np.float32)
-        for joint in self.found:
-            found[starts[joint.name][1] :][: len(joint.velocities)] = self.aid.armature[list(joint.velocities)]
-        return found
 
     def loaded(self) -> LoadedModel:
         model = self._model
@@ -199,6 +192,15 @@ class NewtonFile(NewtonQuantities):
                 pull = pull_of(spring, point_of, own)
                 forces[state] -= pull.tension * pull.gradient
         return forces
+
+
+def armature_of(request: Request, robot: Any, starts: Mapping[str, tuple[int, int]]) -> Array:
+    """(nv,) rotor inertias that an aided request supplies, in Newton's order."""
+    assert request.aid is not None
+    found = np.zeros(robot.joint_dof_count, dtype=np.float32)
+    for joint in (joint for joint in request.joints if joint.name in starts):
+        found[starts[joint.name][1] :][: len(joint.velocities)] = request.aid.armature[list(joint.velocities)]
+    return found
 
 
 def _rows_of_jacobians(model: Any) -> dict[int, tuple[int, int, range]]:
