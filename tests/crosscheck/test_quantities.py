@@ -13,12 +13,12 @@ from support import InThisProcess, changed_engine, completed, harness, make_libr
 from harness.crosscheck.assignment import declared_model
 from harness.crosscheck.expected import load_expectations
 from harness.crosscheck.run import CrossCheck
-from harness.crosscheck.settings import Settings
+from harness.crosscheck.settings import DEFAULT_STATES, Settings
 from harness.engines import NotOffered
 from harness.errors import InvalidInput
 from harness.library import Library
 from harness.results.cross_check import CrossCheckResult
-from harness.results.records import Record
+from harness.results.records import ACCELERATIONS, Record
 
 
 def turned(body: str) -> str:
@@ -107,6 +107,17 @@ def test_an_expected_verdict_is_that_of_its_quantity(tmp_path: Path) -> None:
     library.expected_verdicts.write_text(ENTRY.format(quantity='quantity = "reaction"'))
     with pytest.raises(InvalidInput, match=r"names quantity 'reaction', which does not exist; did you mean 'reactions'"):
         load_expectations(library)
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize(("verdict", "is_expected"), [("unstable", True), ("disagrees", True), ("misreads", False)])
+def test_lost_digits_meet_an_expectation_of_fewer(tmp_path: Path, verdict: str, is_expected: bool) -> None:
+    library = Library.at(make_library(tmp_path / "library", ["stanford_arm"]))
+    entry = ENTRY.format(quantity="").replace("bar_pendulum", "stanford_arm").replace("turned/mjcf", "mujoco/mjcf")
+    library.expected_verdicts.write_text(entry.replace('verdict = "disagrees"', f'verdict = "{verdict}"'))
+    study = CrossCheck(Settings(library=library, subjects=["mujoco/mjcf"], states=DEFAULT_STATES, examples=None), [ACCELERATIONS])
+    (record,) = completed(study, InThisProcess()).records
+    assert (record.verdict, record.as_expected) == ("unstable", is_expected)
 
 
 # What no acceleration feels, in one file of two, and the line and value that mends it.
