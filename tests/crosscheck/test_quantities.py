@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -112,10 +113,11 @@ def test_an_expected_verdict_is_that_of_its_quantity(tmp_path: Path) -> None:
 @pytest.mark.ci
 @pytest.mark.parametrize(("verdict", "is_expected"), [("unstable", True), ("disagrees", True), ("misreads", False)])
 def test_lost_digits_meet_an_expectation_of_fewer(tmp_path: Path, verdict: str, is_expected: bool) -> None:
-    library = Library.at(make_library(tmp_path / "library", ["stanford_arm"]))
+    library = replace(BUILT_IN, expected_verdicts=tmp_path / "expected_verdicts.toml")
     entry = ENTRY.format(quantity="").replace("bar_pendulum", "stanford_arm").replace("turned/mjcf", "mujoco/mjcf")
     library.expected_verdicts.write_text(entry.replace('verdict = "disagrees"', f'verdict = "{verdict}"'))
-    study = CrossCheck(Settings(library=library, subjects=["mujoco/mjcf"], states=DEFAULT_STATES, examples=None), [ACCELERATIONS])
+    about: dict[str, Any] = {"names": ["stanford_arm"], "subjects": ["mujoco/mjcf"]}
+    study = CrossCheck(Settings(library=library, states=DEFAULT_STATES, examples=None, **about), [ACCELERATIONS])
     (record,) = completed(study, InThisProcess()).records
     assert (record.verdict, record.as_expected) == ("unstable", is_expected)
 
