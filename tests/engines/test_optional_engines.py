@@ -444,7 +444,7 @@ def test_newton_feels_an_inertia_that_is_off_by_a_ten_thousandth(
 @pytest.mark.nightly
 @pytest.mark.parametrize(("example", "reading"), [
     ("newton-gravity.xml", "gravity"), ("newton-several-joints-of-a-body.xml", "several joints of a body"),
-    ("newton-joints-in-frames.xml", "joints in frames"),
+    ("newton-joints-in-frames.xml", "joints in frames"), ("global-defaults.xml", "global defaults"),
     ("least-inertias.xml", "least inertias"), ("inertia-without-mass.urdf", "inertia without mass"), ("settotalmass.xml", "settotalmass"),
     ("dampers-and-rotors-of-free-joints.xml", "dampers and rotors of free joints"), ("tendons-on-joints.xml", "tendons on joints"),
     ("mass-of-collision-geometry.urdf", "mass of collision geometry"), ("rotor-inertias.urdf", "rotor inertias"),

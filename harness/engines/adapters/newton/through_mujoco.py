@@ -39,6 +39,8 @@ from harness.files.tree import WORLD
 # Beyond which Newton takes a limit for none, newton.MAXVAL.
 _NO_LIMIT = 1e10
 _NOTHING_HELD = Held((), ())
+# Number of an actuator that is not in the file: the last column of controls, which is zero.
+_NO_ACTUATOR = -1
 
 
 class SolverFile(DeviceFile):
@@ -103,8 +105,8 @@ class SolverFile(DeviceFile):
         return replace(contact, bodies=(first, second), why_not=why_not, shapes=("", ""))
 
     def _of_all(self, own: Array, numbers: Sequence[int]) -> Array:
-        """(n, actuators of the file), of those with these numbers; 0 of all others."""
-        found = np.zeros((len(own), 1 + max([*self._actuators, *numbers], default=-1)))
+        """(n, actuators of the file and one more), of those with these numbers; 0 of all others."""
+        found = np.zeros((len(own), 2 + max([*self._actuators, *numbers], default=-1)))
         found[:, list(numbers)] = own
         return found
 
@@ -176,7 +178,10 @@ def _names_of_bodies(solver: Any, robot: Any, request: Request) -> dict[str, str
 
 
 def _actuators(solver: Any, robot: Any) -> list[int]:
-    """The number in the file of each actuator of the solver, which has those that drive towards targets of joints first."""
+    """The number in the file of each actuator of the solver, which has those that drive towards targets of joints first.
+
+    ``_NO_ACTUATOR`` for one that the file does not have.
+    """
     rows = [robot.custom_attributes[f"mujoco:{name}"].values or [] for name in ("ctrl_source", "ctrl_type", "actuator_trnid")]
     kinds = newton.solvers.SolverMuJoCo.CtrlType
     targets = {
@@ -188,8 +193,8 @@ def _actuators(solver: Any, robot: Any) -> list[int]:
     places = [] if sources is None else zip(sources.numpy().tolist(), solver.mjc_actuator_to_newton_idx.numpy().tolist(), strict=True)
     for source, index in places:
         if source == newton.solvers.SolverMuJoCo.CtrlSource.JOINT_TARGET:
-            # Of those that drive towards velocities it is negative.
-            found.append(targets[(index, False) if index >= 0 else (-index - 2, True)])
+            # Of those that drive towards velocities it is negative. Importers make some of their own.
+            found.append(targets.get((index, False) if index >= 0 else (-index - 2, True), _NO_ACTUATOR))
         else:
             found.append(index)
     return found

@@ -1,11 +1,14 @@
 """Elements that Newton's importers of MJCF, URDF and USD leave out, correct or take otherwise, and forces that SolverFeatherstone lacks."""
 
+import contextlib
 from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
+from lxml import etree
 
 from harness.arrays import Array
+from harness.errors import InvalidModel
 from harness.explain.changes.readings import (
     _left_out,
     _stages,
@@ -18,10 +21,12 @@ from harness.explain.changes.readings import (
     with_inertias,
     with_joints,
 )
+from harness.files.document.source import read_any
 from harness.files.given import Given, Placement, Vector, vector
 from harness.files.joint_kinds import JointKind
+from harness.files.reading import EXPECTED
 from harness.files.tree import WORLD, Body, Inertia, Joint, Tree
-from harness.trees.robot import Robot
+from harness.trees.robot import Robot, robot_in
 
 _MJCF, _URDF, _USD, _ALL = ("mjcf",), ("urdf",), ("usd",), ("mjcf", "urdf", "usd")
 _IMPORTER, _URDF_IMPORTER = "Newton 1.8, newton/_src/utils/import_mjcf.py", "Newton 1.8, newton/_src/utils/import_urdf.py"
@@ -32,6 +37,8 @@ _NOTHING = Fraction(0)
 # ModelBuilder.inertia_relative_tolerance, inertia_absolute_tolerance and inertia_correction, and the rounding of a float32.
 _RELATIVE, _LEAST, _MORE, _EPSILON = 1e-6, 1e-10, 1e-6, 2.0**-23
 _DOWN = (0.0, 0.0, -9.81)
+# By which MJCF calls the global defaults that have no other name.
+_MAIN, _OF_THE_NAME = "main", "(main)"
 
 
 @law("gravity", "files", supplied=True)
@@ -43,6 +50,32 @@ def _downwards(robot: Robot) -> Tree:
     if place is None or flags[-1:] == ["disable"] or tuple(map(float, tree.gravity)) == _DOWN:
         return tree
     return replace(tree, gravity=vector([Given(one, place, "gravity of Newton", index) for index, one in enumerate(_DOWN)]))
+
+
+@law("global defaults", "elements", first=True)
+def _named_alone(robot: Robot) -> Tree:
+    """Elements without a class have the global defaults only if these have no name, and no element has them by the name "main"."""
+    document = read_any(robot.path, EXPECTED)
+    root = document.root
+    named, called = list(root.iterfind("default[@class]")), [*root.iterfind(f".//*[@class='{_MAIN}']")]
+    called += root.iterfind(f".//*[@childclass='{_MAIN}']")
+    is_named = any(default.get("class") == _MAIN for default in named)
+    for element, attribute in ((element, "class" if element.get("class") == _MAIN else "childclass") for element in called):
+        if is_named:
+            # The class that an importer of MJCF takes for the global one has another name.
+            element.set(attribute, _OF_THE_NAME)
+        else:
+            del element.attrib[attribute]
+    for default in named:
+        outer = etree.Element("default")
+        root.replace(default, outer)
+        outer.append(default)
+    if not named and not called:
+        return robot.tree
+    # Without compiled meshes the rest may be no robot.
+    with contextlib.suppress(InvalidModel):
+        return replace(robot_in(document).tree, actuators=robot.tree.actuators, force_limits=robot.tree.force_limits)
+    return robot.tree
 
 
 @law("joints in frames", "joints", each=with_bodies)
@@ -215,6 +248,11 @@ READINGS = readings_of(
                 "Newton's importer of MJCF takes 9.81 m/s^2 along -z for gravity, whatever <option gravity> says",
                 "set ModelBuilder.gravity to the gravity of the file",
                 f"{_IMPORTER}, parse_mjcf: of <option> it reads the flag gravity alone",
+            ),
+            _named_alone: (
+                "Newton's importer of MJCF gives global defaults that have a name to no element without a class, and knows none as main",
+                "leave the outer <default> without a class, and elements of its class without one",
+                f"{_IMPORTER}, parse_default and resolve_class_defaults: __all__; docs/issues/newton-mjcf-global-defaults.md",
             ),
             _outside_frames: (
                 "Newton's importer of MJCF passes over joints in a <frame>, and fixes their body to its parent",

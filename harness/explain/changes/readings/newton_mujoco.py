@@ -1,8 +1,8 @@
-"""Elements of an MJCF that Newton's ``SolverMuJoCo`` loses, and of which ``SolverFeatherstone`` has no part."""
+"""Elements that Newton's ``SolverMuJoCo`` loses, and of which ``SolverFeatherstone`` has no part, or that it holds softly."""
 
 from dataclasses import replace
 
-from harness.explain.changes.readings import law, readings_of
+from harness.explain.changes.readings import _left_out, law, readings_of
 from harness.files.tree import Tree
 from harness.trees.robot import Robot
 
@@ -31,4 +31,17 @@ READINGS = readings_of(
         },
     },
     is_misread=True,
+)
+
+DOCUMENTED = readings_of(
+    "newton_mujoco",
+    {
+        ("urdf",): {
+            _left_out.mimics: (
+                "Newton's SolverMuJoCo holds a mimic joint by a soft constraint",
+                "keep that constraint on, and make its solref stiffer where it gives",
+                "Newton documentation, SolverMuJoCo: mimic relationships are equality constraints",
+            ),
+        },
+    },
 )
