@@ -59,6 +59,8 @@ SAMPLED = DEFAULT_STATES - Settings(library=LIBRARY).searched
 # accelerations by that times |D_j|, and data roundoff is u times the sum of all |D_k|: what has less than 64 u / 1e-11 = 7.1e-4 of that
 # sum is hidden. Links of loops are many and carry little each, as the arms of the governor with 5e-6 kg m^2.
 LIGHT = {"stanford_arm", "andrews_squeezer", "bricard", "delta_robot", "flyball_governor"}
+# What is granted to weight hides a change of 1e-11 of gravity in MuJoCo's soft slider-crank, which hardly feels it.
+HARDLY_FALLING = {"slider_crank"}
 # How many numbers of each model are walked by day.
 FEW = 4
 # One subject of every second mechanism by day, of every fourth the other one; each of all by night, where tests of one mechanism have
@@ -149,7 +151,8 @@ def test_a_change_of_any_live_number_turns_the_check_red(name: str, subjects: li
 @pytest.mark.parametrize("name", BY_NIGHT)
 def test_data_roundoff_hides_a_change_of_1e_11_of_the_lightest_links_alone(name: str) -> None:
     hidden = [number for subject in BY_NIGHT[name] for number in smallest(name, subject, None) if number.theory > CHANGE]
-    assert bool(hidden) == (name in LIGHT)
+    assert bool(hidden) == (name in LIGHT | HARDLY_FALLING)
+    assert name not in HARDLY_FALLING or {number.place.attribute for number in hidden} == {"gravity"}
 
 
 @IN_TURN
