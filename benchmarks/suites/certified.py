@@ -167,7 +167,7 @@ def of_contacts(cone: str) -> tuple[Measure, Measure]:
         data.qpos[7:], data.qvel[:] = random.normal(size=model.nv - 6) * 0.002, random.normal(size=model.nv) * 0.1
         mujoco.mj_forward(model, data)
         states.q[state], states.v[state] = data.qpos, data.qvel
-        found.append(found_contacts(model, data))
+        found.append(found_contacts(model, data.contact[: data.ncon]))
     assert caller.contacts is not None
     touching.MOST_WORK = 10**12
     own = touching.Touching.of(found, robot, caller.contacts(root, robot.format)[0])
