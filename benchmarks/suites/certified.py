@@ -160,21 +160,21 @@ def of_contacts(cone: str) -> tuple[Measure, Measure]:
         path.write_text(legs(cone), encoding="utf-8")
         robot, model, caller = read_robot(path), mujoco.MjModel.from_xml_path(str(path)), engine_of("mujoco")
         root = element_at(robot.tree.place)
-    states, data, random = generic_sample(mechanism_of(robot), LIMITED_STATES, seed=0), mujoco.MjData(model), np.random.default_rng(0)
-    states.tau[:], found = 0.0, []
-    for state in range(LIMITED_STATES):
-        mujoco.mj_resetData(model, data)
-        data.qpos[7:], data.qvel[:] = random.normal(size=model.nv - 6) * 0.002, random.normal(size=model.nv) * 0.1
-        mujoco.mj_forward(model, data)
-        states.q[state], states.v[state] = data.qpos, data.qvel
-        found.append(found_contacts(model, data.contact[: data.ncon]))
-    assert caller.contacts is not None
-    touching.MOST_WORK = 10**12
-    own = touching.Touching.of(found, robot, caller.contacts(root, robot.format)[0])
-    assert {len(one) for one in own.contacts} == {LEGS}
-    switches = [one for one in switches_of(robot, robot, caller) if one.group.what == CONTACTS]
-    # All states have one structure, for which a program is written once.
-    mechanism = documented(robot, caller, switches, (), own.contacts[0])
+        states, data, random = generic_sample(mechanism_of(robot), LIMITED_STATES, seed=0), mujoco.MjData(model), np.random.default_rng(0)
+        states.tau[:], found = 0.0, []
+        for state in range(LIMITED_STATES):
+            mujoco.mj_resetData(model, data)
+            data.qpos[7:], data.qvel[:] = random.normal(size=model.nv - 6) * 0.002, random.normal(size=model.nv) * 0.1
+            mujoco.mj_forward(model, data)
+            states.q[state], states.v[state] = data.qpos, data.qvel
+            found.append(found_contacts(model, data.contact[: data.ncon]))
+        assert caller.contacts is not None
+        touching.MOST_WORK = 10**12
+        own = touching.Touching.of(found, robot, caller.contacts(root, robot.format)[0])
+        assert {len(one) for one in own.contacts} == {LEGS}
+        switches = [one for one in switches_of(robot, robot, caller) if one.group.what == CONTACTS]
+        # All states have one structure, for which a program is written once.
+        mechanism = documented(robot, caller, switches, (), own.contacts[0])
 
     def forward() -> None:
         for q, v in zip(states.q, states.v, strict=True):
