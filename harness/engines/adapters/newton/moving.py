@@ -17,7 +17,7 @@ import warp
 from lxml import etree
 
 from harness.arrays import Array
-from harness.engines.adapters.newton.worlds import sanitized, spelt
+from harness.engines.adapters.newton.importing import sanitized, spelt
 from harness.engines.moving import MotionsRequest, MovedFile, SimulatedFile
 from harness.engines.request import Refused
 from harness.engines.warp_kernels import keep_compiled

@@ -27,7 +27,7 @@ from harness.engines.adapters.mujoco.acting import held_of, switch_on
 from harness.engines.adapters.mujoco.on_device import DeviceFile
 from harness.engines.adapters.mujoco.robot import MujocoFile
 from harness.engines.adapters.mujoco_warp.device import BLOCK, MOST_CONTACTS, MOST_ROWS, ModelInWorlds, WarpModel
-from harness.engines.adapters.newton.worlds import Joined, armature_of, read_by, sanitized, starts_of
+from harness.engines.adapters.newton.importing import Joined, armature_of, read_by, sanitized, starts_of
 from harness.engines.interface import LoadedModel, Unsupported
 from harness.engines.reading import elements_of
 from harness.engines.request import AskedJoint, Held, Refused, Request
