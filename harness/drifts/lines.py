@@ -87,13 +87,13 @@ def _difference(
         # The files say the same, of which engines make other numbers.
         says = [text if prefix not in ("opt", "flag") else "" for text in texts]
         texts = [f"{text}, compiled as {own}" if text and text != own else own for text, own in zip(says, compiled, strict=True)]
-    written = [own.attribute for own in said if own.text]
+    written = [own.name for own in said if own.text]
     if len(set(written)) > 1:
         # Each file has another attribute for it.
-        texts = [f"{own.attribute} {text}" for own, text in zip(said, texts, strict=True)]
+        texts = [f"{own.name} {text}" for own, text in zip(said, texts, strict=True)]
     difference = SideDifference(
-        owner=_named(array, said[1].owner or owner),
-        what="" if len(set(written)) > 1 else (written or [said[0].attribute])[0],
+        owner=said[1].owner or _named(array, owner),
+        what="" if len(set(written)) > 1 else (written or [said[0].name])[0],
         first=texts[0],
         second=texts[1],
         first_place=said[0].told(sides[0].path),
@@ -113,7 +113,7 @@ def _difference(
     if change is None:
         return difference, None
     place, is_removed = change.place, not said[0].text
-    remedy = f'{place.attribute}="{said[1].text if is_removed else said[0].text}"'
+    remedy = f'{said[1].part} {place.attribute}="{said[1].text if is_removed else said[0].text}"'.lstrip()
     line = Place(change.path or sides[1].path, place.line).within(sides[1].path)
     return replace(difference, remedy=remedy, remedy_place=line, is_removed=is_removed), change
 

@@ -62,8 +62,8 @@ class SideDifference:
             where each has another, which its value names.
         first, second: values, as the files write them or as they were compiled. first_place, second_place: as "line 12"; "" for none.
         is_absent: of which side the value is nothing: 0, none, or switched off; of the first and of the second.
-        remedy: what is set in the second for it to move as the first, as 'kv="5.13"', or taken out of it where ``is_removed``; "" where no
-            attribute alone says it. remedy_place: the line of its element.
+        remedy: what is set in the second for it to move as the first, as 'kv="5.13"' or 'origin xyz="0 0 1"', or taken out of it where
+            ``is_removed``; "" where no attribute alone says it. remedy_place: the line of its element.
     """
 
     owner: str

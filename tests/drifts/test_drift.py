@@ -366,7 +366,7 @@ def test_meshes_that_are_not_found_are_left_out_and_told(tmp_path: Path) -> None
     for name, damping in (("a.urdf", 0.1), ("b.urdf", 0.3)):
         (tmp_path / name).write_text(MESHED.format(damping=damping))
     found = drift_here(DriftSettings(sides(tmp_path, "a.urdf", "b.urdf"), 0.1, start={"pin": ([1.0], [0.0])}))
-    assert found.ranked[0].name == DriftCause.DAMPING and 'Set damping="0.1" in b.urdf.' in found.sentence
+    assert found.ranked[0].name == DriftCause.DAMPING and 'Set dynamics damping="0.1" in b.urdf.' in found.sentence
     assert all("rod.stl" in side.title and side.title.endswith("their contacts are left out") for side in (found.first, found.second))
 
 

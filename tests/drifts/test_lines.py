@@ -206,7 +206,40 @@ def test_a_link_that_is_fixed_to_another_is_told_by_its_own_line(tmp_path: Path)
     [change] = made.changes[DriftCause.TREE]
     assert (change.place.attribute, change.place.found) == ("value", "0.6")
     record = drift_here(made.settings)
-    assert "(b.urdf line 11: value 0.6; a.urdf line 11: value 0.2" in record.sentence and "body tool" in " ".join(record.lines)
+    assert (
+        "(b.urdf line 11: inertial mass value 0.6; a.urdf line 11: inertial mass value 0.2" in record.sentence
+        and "body tool" in " ".join(record.lines)
+    )
+    (tmp_path / "b.urdf").write_text(change.text(0.0))
+    assert not any(drift_here(made.settings).of_positions)
+
+
+TOOL = """<link name="mount"/><link name="tool"><inertial><mass value="0.2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
+</inertial></link>
+<joint name="flange" type="fixed"><parent link="rod"/><child link="mount"/><origin xyz="0.1 0 {height}"/></joint>
+<joint name="wrist" type="continuous"><parent link="mount"/><child link="tool"/>{origin}<axis xyz="1 0 0"/></joint>
+</robot>"""
+
+
+@pytest.mark.parametrize(
+    ("words", "line", "attribute"),
+    [
+        ({"origin": '<origin xyz="0 0.2 0"/>'}, 13, "xyz"),
+        ({"height": "-0.5"}, 12, "xyz"),
+        ({"origin": '<origin rpy="0 0 0.3"/>'}, 13, "rpy"),
+    ],
+)
+def test_where_a_link_is_placed_is_told_by_its_joint(tmp_path: Path, words: dict[str, str], line: int, attribute: str) -> None:
+    """A joint places its child, and so do the fixed ones by which its parent stands on another link; no joint above those does."""
+    plain = URDF.format(mass="1", izz="0.002", lower="-1.5", dynamics="")
+    tool = {"height": "-0.3", "origin": '<origin xyz="0 0 0" rpy="0 0 0"/>'}
+    (tmp_path / "a.urdf").write_text(plain.replace("</robot>", TOOL.format(**tool)))
+    (tmp_path / "b.urdf").write_text(plain.replace("</robot>", TOOL.format(**{**tool, **words})))
+    made = prepare(DriftSettings((MovingSide(tmp_path / "a.urdf"), MovingSide(tmp_path / "b.urdf")), 0.1), here=True)
+    [change] = made.changes[DriftCause.TREE]
+    assert (change.place.line, change.place.attribute) == (line, attribute)
+    joint = "wrist" if line == 13 else "flange"
+    assert f"origin {attribute} of joint {joint}: " in drift_here(made.settings).lines[0]
     (tmp_path / "b.urdf").write_text(change.text(0.0))
     assert not any(drift_here(made.settings).of_positions)
 

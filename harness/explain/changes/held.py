@@ -55,13 +55,16 @@ _OF_MJCF: Mapping[str, Mapping[str, Sequence[str]]] = {
     "site_quat": {"": (*_TURNED, "fromto")},
 }
 _INERTIAL = ("body_mass", "body_inertia", "body_ipos", "body_iquat")
-# The part of an element of a URDF that has a number, and its attributes, each a number by itself.
+# The part of an element of a URDF that has a number, and its attributes, each a number by itself. A joint places a link.
+_PLACES = ("body_pos", "body_quat")
 _OF_URDF = {
     "dof_damping": ("dynamics", "damping"),
     "dof_frictionloss": ("dynamics", "friction"),
     "jnt_range": ("limit", "lower upper"),
     "jnt_actfrcrange": ("limit", "effort"),
     "jnt_axis": ("axis", "xyz"),
+    "body_pos": ("origin", "xyz"),
+    "body_quat": ("origin", "rpy"),
     "body_mass": ("inertial/mass", "value"),
     "body_inertia": ("inertial/inertia", "ixx ixy ixz iyy iyz izz"),
     "body_ipos": ("inertial/origin", "xyz"),
@@ -83,7 +86,9 @@ class Said:
         attribute: its name. text: what is written, "" for nothing. place: where, of the owner's element where nothing is; None without one.
         own: the element into which it may be written for this owner alone, behind the ``missing`` elements around it; None for none.
         unit: of its angles, "" of one that holds none. otherwise: attributes beside which it may not stand.
-        owner: whose it is where that is a link fixed to the number's owner, of which the engine makes one body; "" for the owner itself.
+        part: the element in that of the owner which has it, as "mass" of a link; "" for the owner's.
+        owner: whose it is where that is another element, as a link fixed to the number's owner, of which the engine makes one body; "" for
+            the owner itself.
     """
 
     attribute: str
@@ -93,7 +98,13 @@ class Said:
     missing: tuple[str, ...] = ()
     unit: str = ""
     otherwise: tuple[str, ...] = ()
+    part: str = ""
     owner: str = ""
+
+    @property
+    def name(self) -> str:
+        """The attribute with the part that has it."""
+        return " ".join(filter(None, (self.part, self.attribute)))
 
     @property
     def is_of_class(self) -> bool:
@@ -131,10 +142,17 @@ class HeldFile:
     def says(self, array: str, owner: str) -> list[Said]:
         """The attributes that make up a number: the one of an MJCF that is written, or would be; all of a URDF."""
         element = self._element(section_of(array), owner)
+        if self.is_urdf and array in _PLACES:
+            placing = self._placing(owner) or [None]
+            return [
+                replace(said, owner="" if joint is None else f"joint {joint.get('name')}")
+                for joint in placing
+                for said in self._in_urdf(array, joint)
+            ]
         if self.is_urdf:
             found = list(self._in_urdf(array, element))
             for link in self._fixed_to(owner, {owner}) if section_of(array) == "body" else ():
-                found += [replace(said, owner=str(link.get("name"))) for said in self._in_urdf(array, link)]
+                found += [replace(said, owner=f"body {link.get('name')}") for said in self._in_urdf(array, link)]
             return found
         own = None if element is None else self._source.place(element)
         said = Said("", place=own, own=own)
@@ -158,11 +176,23 @@ class HeldFile:
         holder = element if element is None or not part else element.find(part)
         place = None if element is None else self._source.place(element)
         for name in attributes.split():
-            if holder is None:
-                yield Said(name, place=place, own=None if "/" in part else place, missing=(part,))
-            else:
+            said = Said(name, place=place, own=None if "/" in part else place, missing=(part,), part=part.replace("/", " "))
+            if holder is not None:
                 own = self._source.place(holder)
-                yield Said(name, " ".join(str(holder.get(name, "")).split()), own, own)
+                said = replace(said, text=" ".join(str(holder.get(name, "")).split()), place=own, own=own, missing=())
+            yield said
+
+    def _placing(self, link: str) -> list[etree._Element]:
+        """The joint that places a link, and those by which that on which it does is fixed to others."""
+        joints: dict[str, etree._Element] = {}
+        for joint in self._source.root.iterchildren("joint"):
+            for child in joint.iterchildren("child"):
+                joints.setdefault(str(child.get("link")), joint)
+        found: list[etree._Element] = []
+        while (joint := joints.get(link)) is not None and joint not in found and (not found or joint.get("type") == "fixed"):
+            found.append(joint)
+            link = str(joint.find("parent").get("link")) if joint.find("parent") is not None else ""
+        return found
 
     def _fixed_to(self, owner: str, known: set[str]) -> Iterator[etree._Element]:
         """The links that are fixed to a link, and to these."""
