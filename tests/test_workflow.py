@@ -110,6 +110,15 @@ def test_the_night_runs_the_tests_that_ci_leaves_out() -> None:
     assert tests["if"] == "${{ !inputs.resume }}"
 
 
+def test_the_night_has_the_rules_of_accessibility_before_its_tests() -> None:
+    """Without them the tests of pages are skipped."""
+    taking, running = (step for step in WORKFLOW["jobs"]["tests"]["steps"] if "axe" in str(step))
+    assert running["env"]["HARNESS_AXE"] == "${{ runner.temp }}/package/axe.min.js"
+    [packed, unpacked] = [shlex.split(part) for part in taking["run"].split("&&")]
+    name, _, version = packed[2].partition("@")
+    assert packed[:2] == ["npm", "pack"] and unpacked == ["tar", "-xzf", f"{name}-{version}.tgz", "-C", "$RUNNER_TEMP"]
+
+
 def run(name: str, folder: Path, **variables: str) -> tuple[subprocess.CompletedProcess[str], list[str]]:
     """A step with stand-ins for ``gh`` and ``harness`` and this Python as ``python``, and what it called."""
     programs = folder / "programs"
