@@ -24,6 +24,7 @@ from harness.engines import (
 )
 from harness.engines.request import EngineAnswers, EngineQuestion
 from harness.errors import InvalidModel, InvalidRequest, not_installed
+from harness.explain.changes.readings import element_at
 from harness.explain.meant import joints_without_inertia, request_of, undetermined, why_unmoved
 from harness.explain.switches import GROUPS
 from harness.files.findings import ACTUATORS, CONTACTS
@@ -233,9 +234,12 @@ def on_and_off(library: Library, quantities: Sequence[Quantity], engines: Iterab
             for group in GROUPS
             if acts and group.what in kinds
         }
-        counts = {what: sum(not one.why_not for one in own) for what, own in parts.items()}
+        about = element_at(robot.tree.place), robot.format
+        off_in = {name: {*left_out[name], *(one.unjudged(*about) if one.unjudged else ())} for name, one in callers.items()}
+        nowhere = set.intersection(*off_in.values()) if off_in else set()
+        counts = {what: 0 if what in nowhere else sum(not one.why_not for one in own) for what, own in parts.items()}
         on = joined([counted_parts(count, what) for what, count in counts.items() if count])
-        not_in = _off_in(left_out, [what for what, count in counts.items() if count])
+        not_in = _off_in(off_in, [what for what, count in counts.items() if count])
         off = joined(stays_off(robot.left_out, [one for what, own in parts.items() if counts[what] for one in own]))
         but_for = f", but for {joined(without)}" if without else ""
         said = "; ".join([*([f"{on} on{not_in}{but_for}"] if on else []), *([f"off: {off}"] if off else [])])

@@ -87,6 +87,7 @@ class Engine:
             ``Held``.
         contacts: of a file with a root element and format, the cones of friction, and why no contact of it is judged, "" where contacts
             are; None of an engine whose contacts are judged in no file.
+        unjudged: of a file with a root element and format, why no answer with its elements of another kind is judged, by ``LeftOut.what``.
         beside_tau: what it makes of elements that bear on no acceleration at given tau, by ``LeftOut.what``, a sentence with its source.
         solvers: methods by which its solver of constraints goes, by its own names, that ``SolverSettings`` may choose.
         endings: settings by which its solver of constraints goes on until nothing changes, one tried after the other.
@@ -117,6 +118,7 @@ class Engine:
     inertias_about = ""
     why_off: Mapping[str, str] = {}
     contacts: Callable[[Any, str], tuple[ConeKind, str]] | None = None
+    unjudged: Callable[[Any, str], Mapping[str, str]] | None = None
     beside_tau: Mapping[str, str] = {}
     solvers: tuple[str, ...] = ()
     endings: tuple[Ending, ...] = ()

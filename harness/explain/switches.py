@@ -159,7 +159,10 @@ GROUPS = (
 
 def switches_of(original: Robot, read: Robot, caller: Engine) -> list[Switch]:
     """All elements of a robot that a caller may be asked with; ``read`` is what the engine's reader makes of it."""
-    whole = {} if caller.contacts is None else {CONTACTS: caller.contacts(element_at(original.tree.place), original.format)[1]}
+    about = element_at(original.tree.place), original.format
+    whole = {} if caller.unjudged is None else {**caller.unjudged(*about)}
+    if caller.contacts is not None:
+        whole[CONTACTS] = caller.contacts(*about)[1]
     return [
         Switch(group, number, one, whole.get(group.what) or group.why_not(one, read))
         for group in GROUPS

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,18 @@ def test_who_applies_none_of_what_is_on_is_said_first(folder: Path) -> None:
     assert friction["alone"] > 0.01 and friction["lines"]
     done, records = checked(folder, "arm.urdf", "--states", "40", "--aided")
     assert {one["verdict"] for one in records.values()} == {"agrees"} and "Off: joint limits and dry friction." in done.stdout
+
+
+def test_what_no_engine_is_judged_with_is_off(folder: Path) -> None:
+    """Noslip iterations change dry friction by no law, and Pinocchio applies none."""
+    text = (folder / "arm.xml").read_text()
+    (folder / "slipping.xml").write_text(re.sub("<mujoco[^>]*>", r'\g<0><option noslip_iterations="3"/>', text, count=1))
+    done, records = checked(folder, "slipping.xml", "--subject", "mujoco/mjcf", "--states", "40")
+    assert (done.returncode, records["mujoco/mjcf"]["verdict"]) == (0, "agrees"), done.stdout
+    on, off = done.stdout.splitlines()[0].split("; off: ")
+    assert "dry friction" not in on and "dry friction" in off
+    done, _ = checked(folder, "arm.xml", "--subject", "pinocchio/mjcf", "--states", "40")
+    assert "dry friction" in done.stdout.splitlines()[0].partition("ff: ")[2]
 
 
 @pytest.mark.ci

@@ -20,6 +20,7 @@ from harness.engines.request import EngineAnswers
 from harness.explain import file_case
 from harness.explain.documented import documented
 from harness.explain.meant import Meant, driven
+from harness.files.findings import FRICTION, LIMITS
 from harness.report.comparison import sections
 from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord
 from harness.results.switched_on import SwitchedOnRecord, switched_on_text
@@ -98,6 +99,22 @@ def test_what_a_departure_concerns_is_called_by_its_name(joint: str, collides: i
     path.write_text(ONE_JOINT.format(joint=joint, collides=collides))
     (departure,) = held_by(path).departures
     assert departure.concerned() == concerned
+
+
+SLIPPING = """<mujoco><option{noslip}/><worldbody><body><joint name="a" axis="0 1 0" frictionloss="0.3" range="-20 20"/>
+<inertial pos="0 0 -0.3" mass="1" diaginertia="0.01 0.01 0.01"/><body pos="0 0 -0.5"><joint name="b" axis="0 1 0" frictionloss="0.2"/>
+<inertial pos="0 0 -0.3" mass="1" diaginertia="0.01 0.01 0.01"/></body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("noslip", ["", ' noslip_iterations="3"'])
+def test_dry_friction_of_joints_is_not_judged_after_noslip_iterations(noslip: str, tmp_path: Path) -> None:
+    """They change its forces too, and not those of limits."""
+    path = tmp_path / "slipping.xml"
+    path.write_text(SLIPPING.format(noslip=noslip))
+    record = held_by(path)
+    assert (record.verdict, record.explained) == (Verdict.AGREES, True)
+    reason = "goes through noslip iterations, which solve no problem that is documented" if noslip else ""
+    assert {(part.what, part.why_not) for part in record.parts} == {(FRICTION, reason), (LIMITS, "")}
 
 
 def test_what_is_declared_of_no_program_is_no_excuse(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable
 from typing import Any
 
@@ -76,22 +77,27 @@ class Exact:
         raise AssertionError(inputs)
 
     def _sensitivity(self, inputs: list[float], step: Any) -> Any:
+        """From M dqdd = df - dM qdd, for all inputs at once."""
         import flint
 
         exact = [flint.arb(value) for value in inputs]
-        mass, _ = self.equations(exact)
-        total = flint.arb(0)
+        mass, force = self.equations(exact)
+        accelerations, sides = mass.solve(force), []
         for place, value in enumerate(inputs):
             change = flint.arb(max(abs(value), SMALLEST_SCALE)) * step
-            moved = []
-            for there in (exact[place] + change, exact[place] - change):
-                changed, force = self.equations([*exact[:place], there, *exact[place + 1 :]])
-                moved.append(changed.solve(force))
-            slope = (moved[0] - moved[1]) * (1 / (2 * step))
-            square = (slope.transpose() * mass * slope)[0, 0]
-            # What is certain of no sign is from 0 to its upper end.
-            total += square.sqrt() if square > 0 else flint.arb(0).union(abs(square).upper().sqrt())
-        return total
+            there, behind = (
+                self.equations([*exact[:place], moved, *exact[place + 1 :]]) for moved in (exact[place] + change, exact[place] - change)
+            )
+            side = (there[1] - behind[1]) - (there[0] - behind[0]) * accelerations
+            sides.append([entry * (1 / (2 * step)) for entry in side.entries()])
+        slopes = mass.solve(flint.arb_mat(sides).transpose())
+        squares = [sum(map(operator.mul, *columns)) for columns in zip(_columns(slopes), _columns(mass * slopes), strict=True)]
+        # What is certain of no sign is from 0 to its upper end.
+        return sum(square.sqrt() if square > 0 else flint.arb(0).union(abs(square).upper().sqrt()) for square in squares)
+
+
+def _columns(matrix: Any) -> list[list[Any]]:
+    return [list(column) for column in zip(*matrix.table(), strict=True)]
 
 
 def charts_and_inputs(mechanism: Mechanism, states: States, parameters: Array) -> list[tuple[StraightLineProgram, list[float]]]:

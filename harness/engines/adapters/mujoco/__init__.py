@@ -62,6 +62,7 @@ class MujocoEngine(Engine):
     factorises_mass_matrix = True
     has_soft_constraints = True
     contacts = staticmethod(law.contacts)
+    unjudged = staticmethod(law.unjudged)
     supplied: Mapping[str, str] = {
         "urdf": (
             "gravity, springs and rotor inertias of joints, springs between points and a ball joint are supplied from the file, "

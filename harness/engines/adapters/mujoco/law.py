@@ -19,7 +19,7 @@ mj_diagApprox), mj_step and engine_metric.c (springs on lengths count by the fir
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from typing import Literal
@@ -27,7 +27,7 @@ from typing import Literal
 from lxml import etree
 
 from harness.files.equalities import AnyRows, Constraint, DryFriction, Limit, Linkage, Meeting, SolverParameters, TendonLinkage, Weld
-from harness.files.findings import SWITCHED_OFF
+from harness.files.findings import FRICTION, SWITCHED_OFF
 from harness.files.mjcf.attributes import is_on
 from harness.files.rules import (
     LEAST_IMPEDANCE,
@@ -48,6 +48,7 @@ _OF_BODIES: tuple[Literal["translation", "rotation"], ...] = ("translation", "ro
 _LINEAR = 3
 # Flags by which contacts have other laws.
 _OTHER_LAWS = ("speculative", "ipc")
+_NOSLIP = "goes through noslip iterations, which solve no problem that is documented"
 # Of a file that does not say [s].
 _TIMESTEP = 0.002
 _HALF, _ONE, _NONE = Fraction(1, 2), Fraction(1), Fraction(0)
@@ -86,13 +87,21 @@ def contacts(root: etree._Element, model_format: str) -> tuple[ConeKind, str]:
 def _why_no_contacts(root: etree._Element) -> str:
     if not (is_on(root, "contact") and is_on(root, "constraint")):
         return SWITCHED_OFF
-    iterations = _option(root, "noslip_iterations")
-    if iterations is not None and float(iterations) > 0:
-        return "goes through noslip iterations, which solve no problem that is documented"
+    if _goes_through_noslip(root):
+        return _NOSLIP
     if _option(root, "integrator") == "discrete":
         return "is solved in the metric of a step, which the discrete integrator has"
     flags = [name for name in _OTHER_LAWS if [flag.get(name) for flag in root.iterfind(f"option/flag[@{name}]")][-1:] == ["enable"]]
     return f"has the law of the flag {flags[0]!r}, which is not read" if flags else ""
+
+
+def unjudged(root: etree._Element, model_format: str) -> Mapping[str, str]:
+    """See ``harness.engines.Engine``; noslip iterations change the forces of all rows with friction, those of joints and tendons too."""
+    return {FRICTION: _NOSLIP} if _goes_through_noslip(settings(root, model_format)) else {}
+
+
+def _goes_through_noslip(root: etree._Element) -> bool:
+    return float(_option(root, "noslip_iterations") or 0) > 0
 
 
 def cone_of(root: etree._Element) -> ConeKind:
