@@ -171,6 +171,9 @@ def with_verdict(
     )
     if record.explained:
         return record
+    if record.verdict == Verdict.ERROR:
+        count = int((compared.verdicts == Verdict.ERROR.value).sum())
+        return replace(record, rest=[f"a number of its answer is not finite at {count} of {len(at.states)} states"])
     if case.departures:
         compared = judged_by(case, case.computed, answers.of(joints), case.departures)
         record = replace(

@@ -12,8 +12,9 @@ from harness.comparison.shares import Chosen, EnergyNorm, along, exchanges, lead
 from harness.drifts.plan import Plan
 from harness.engines.coordinates import multiplied
 from harness.files.joint_kinds import JointKind
+from harness.programs.states import LARGEST_STATE
 from harness.results.cause import DriftCause
-from harness.results.drift import BROKEN, ENGINE, FELT_ROUNDING, CauseShare, DriftRecord, DriftSide, SideDifference
+from harness.results.drift import ENGINE, FELT_ROUNDING, CauseShare, DriftRecord, DriftSide, SideDifference
 
 # A recorded motion: q (k, nq) and v (k, nv).
 Track = tuple[Array, Array]
@@ -160,7 +161,7 @@ def _terms(plan: Plan, at: Mapping[Chosen, Array], gap: Array) -> dict[str, list
 def _sound(track: Track) -> int:
     """Number of recorded times before the motion breaks down."""
     # What is not finite is not less.
-    broken = np.flatnonzero(~(np.abs(np.hstack(track)) < BROKEN).all(axis=1))
+    broken = np.flatnonzero(~(np.abs(np.hstack(track)) < LARGEST_STATE).all(axis=1))
     return int(broken[0]) if len(broken) else len(track[0])
 
 

@@ -19,7 +19,7 @@ from harness.files.given import Place
 from harness.files.touching import ConeKind, Touch
 from harness.files.tree import WORLD, Tree
 from harness.programs.mechanisms.mechanism import Mechanism
-from harness.programs.states import States
+from harness.programs.states import LARGEST_STATE, States
 from harness.trees.bodies.spatial import parameter_name
 from harness.trees.robot import Robot
 from harness.truth.compare import Comparison, Flags, in_order
@@ -178,8 +178,9 @@ def judged_again(found: Comparison, left: Indices, again: Callable[[Indices], Co
 
 
 def put(states: States, numbers: Indices, q: Array, v: Array) -> States:
-    """The states with other positions and velocities at ``numbers``, where these are finite."""
-    is_finite = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
+    """The states with other positions and velocities at ``numbers``, but for those at which a motion has broken down."""
+    # What is not finite is not less.
+    sound = (np.abs(np.hstack([q, v])) < LARGEST_STATE).all(axis=1)
     all_q, all_v = states.q.copy(), states.v.copy()
-    all_q[numbers[is_finite]], all_v[numbers[is_finite]] = q[is_finite], v[is_finite]
+    all_q[numbers[sound]], all_v[numbers[sound]] = q[sound], v[sound]
     return replace(states, q=all_q, v=all_v)

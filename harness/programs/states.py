@@ -13,6 +13,8 @@ from harness.arrays import Array, Rows, no_columns
 DEFAULT_RATES = (-10.0, 10.0)
 # Applied forces reach what would give a coordinate alone this acceleration [1/s^2, or m/s^2].
 DEFAULT_ACCELERATION = 100.0
+# mjMAXVAL, beyond which MuJoCo takes a state for unstable: a motion that leads there has broken down, whoever moves.
+LARGEST_STATE = 1e10
 
 
 @dataclass(frozen=True)

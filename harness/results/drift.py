@@ -16,8 +16,6 @@ ENGINE = "the engine itself"
 NAMED, MOST_NAMED = 0.05, 3
 # Rounding from this part of the gap on leaves no share to be claimed.
 FELT_ROUNDING = 0.01
-# mjMAXVAL, beyond which MuJoCo takes a state for unstable; so does a drift, whoever moves.
-BROKEN = 1e10
 _MOST_OWNERS = 3
 # Causes that are off as a whole, by the names of their switches.
 _SWITCHED = {"actuation": "actuators", "contact": "contacts"}
@@ -32,7 +30,8 @@ class DriftSide:
         path: of the file. label: what tells it from the other, as the name of its file. engine, version, integrator: who moves it.
         length: of a step [s]. period: between two controls [s], 0 for each step. delay: until a control acts [s].
         note: what the engine left out of the file to read it; "" for nothing.
-        broken: the time at which the motion has broken down, a number of its state not finite or beyond ``BROKEN``; None where it has not.
+        broken: the time at which the motion has broken down, a number of its state not finite or beyond ``LARGEST_STATE``; None where it
+            has not.
     """
 
     path: str

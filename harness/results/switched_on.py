@@ -9,7 +9,7 @@ from harness.files.findings import CONTACTS, FRICTION, SWITCHED_OFF, LeftOut
 from harness.results.readings import FELT, FEW_LINES, Effect, by_effect, explanation, lines_text, names_of, share_of_qdd, share_text
 from harness.results.shapes import ShapesRecord
 from harness.results.table import counted_nouns, error_text, grouped, joined, program_name
-from harness.verdict import DEPARTS
+from harness.verdict import DEPARTS, Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,6 +149,8 @@ def switched_on_text(record: SwitchedOnRecord, many: bool = False) -> str:
         moved = f"by {share_of_qdd(share_text(first.size))} ({first.concerned(FEW_LINES)}{others})"
         return f"{DEPARTS} {moved}. {first.sentence}: {first.remedy}"
     agree, are, their = ("agree", "are", "their") if many else ("agrees", "is", "its")
+    if record.verdict == Verdict.ERROR:
+        return f"{'give' if many else 'gives'} no finite acceleration at some states, where {their} documentation has one"
     off = "" if record.relative_error is None else f", {share_of_qdd(share_text(record.relative_error))},"
     verb = f"{agree} with" if record.explained else f"{are} {error_text(record.backward_error)} data roundoffs{off} away from"
     what = f"the file as {their} readings have it" if names_of(record.readings) else f"{their} documentation"

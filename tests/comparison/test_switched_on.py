@@ -20,7 +20,9 @@ from harness.engines.request import EngineAnswers
 from harness.explain import file_case
 from harness.explain.documented import documented
 from harness.explain.meant import Meant, driven
+from harness.explain.touching import put
 from harness.files.findings import FRICTION, LIMITS
+from harness.programs.states import States
 from harness.report.comparison import sections
 from harness.results.comparison import FileRecord, FilesComparison, SubjectRecord
 from harness.results.switched_on import SwitchedOnRecord, switched_on_text
@@ -286,6 +288,26 @@ def test_a_solver_need_go_on_only_where_it_stopped_early(is_held_apart: bool) ->
 
     found = with_verdict(record, posed.case, cast(AskedEngine, Asked()), off_at([0]), names=False)
     assert found.explained is is_held_apart and (found.to_the_end is not None) is is_held_apart
+
+
+def test_an_answer_without_numbers_is_told_as_that() -> None:
+    """It is no number of data roundoffs away, and nothing that the file says is its cause."""
+    record, posed = pose(meant_by(FIRM), "mujoco")
+    assert posed is not None
+    broken = {name: own.copy() for name, own in posed.answers.accelerations.items()}
+    broken[posed.case.at.robot.joints[0]][1] = np.nan
+    found = with_verdict(record, posed.case, posed.asked, replace(posed.answers, accelerations=broken))
+    assert (found.verdict, found.explained) == (Verdict.ERROR, False)
+    assert switched_on_text(found) == "gives no finite acceleration at some states, where its documentation has one"
+    assert found.rest == [f"a number of its answer is not finite at 1 of {found.states} states"]
+
+
+def test_where_a_motion_has_broken_down_no_state_is_asked() -> None:
+    states = States.at(np.zeros((4, 2)), np.zeros((4, 2)), np.zeros((4, 2)))
+    led = np.array([[1.0, 2.0], [1e117, 0.0], [np.nan, 0.0], [3.0, 4.0]])
+    found = put(states, np.arange(4), led, np.where(led == 3.0, -1e12, 1.0))
+    assert found.q.tolist() == [[1.0, 2.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]
+    assert found.v.tolist() == [[1.0, 1.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]
 
 
 def test_a_search_along_a_line_that_stops_early_is_told_with_what_to_set(tmp_path: Path) -> None:
