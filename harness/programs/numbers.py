@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from fractions import Fraction
 from typing import Any
 
@@ -26,6 +27,16 @@ def exactly(value: Fraction) -> Number:
         return high, low, math.nextafter(float(rest), math.inf) if rest else 0.0
     except OverflowError:
         return math.nan, 0.0, math.nan
+
+
+def root_of_ball(square: Any) -> Any:
+    """The square root of an ``arb`` that is a sum of squares, whose ball may reach below 0."""
+    return square.nonnegative_part().sqrt()
+
+
+def length_of_balls(parts: Iterable[Any]) -> Any:
+    """The Euclidean length of a vector of ``arb``; a power of a ball around 0 would be no number, and a product is one."""
+    return root_of_ball(sum(part * part for part in parts))
 
 
 def pi() -> Number:

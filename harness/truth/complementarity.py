@@ -32,6 +32,7 @@ from harness.programs.mechanisms.cones import Zone
 from harness.programs.mechanisms.descent import problem_of
 from harness.programs.mechanisms.mechanism import JACOBIAN, Mechanism
 from harness.programs.mechanisms.zones import Sides, Zones
+from harness.programs.numbers import length_of_balls
 from harness.programs.program import StraightLineProgram, upper_triangle
 from harness.programs.states import States
 from harness.storage import Kept
@@ -213,7 +214,7 @@ class StateProblem:
 def _edges(friction: Sequence[Any], left: Any, first: int) -> tuple[Any, Any, Any]:
     """y_1 of a contact, mu N + T, which is positive where it does not stick, and T."""
     lateral = [own * left[first + 1 + place, 0] for place, own in enumerate(friction)]
-    across = sum(one * one for one in lateral).sqrt()
+    across = length_of_balls(lateral)
     return left[first, 0], friction[0] * friction[0] * left[first, 0] + across, across
 
 

@@ -29,6 +29,7 @@ import numpy as np
 from harness.arrays import Array
 from harness.programs.evaluation import BALLS, mass_matrix, solved
 from harness.programs.mechanisms.mechanism import BIAS, JACOBIAN, RATE, RESIDUAL, Mechanism
+from harness.programs.numbers import length_of_balls
 from harness.programs.program import StraightLineProgram, right_hand_side
 from harness.truth.sliding import BeginningSlide, Direction
 
@@ -171,7 +172,7 @@ def _branches(contact: RigidContact, at: _Rows) -> tuple[_Branch, ...]:
         return parts, _Branch(Manner.STICKS), *(both if len(slips) == 1 else (_Branch(Manner.SLIDES),))
     if len(slips) == 1:
         return parts, both[0] if float(at.rates[slips[0]]) > 0 else both[1]
-    speed = sum(at.rates[row] ** 2 for row in slips).sqrt()
+    speed = length_of_balls(at.rates[row] for row in slips)
     return parts, _Branch(Manner.SLIDES, tuple(at.rates[row] / speed for row in slips))
 
 
@@ -331,7 +332,7 @@ class _Combination:
             normal = by_row[contact.rows[0]]
             yield normal
             if branch.manner is Manner.STICKS:
-                yield self._friction[contact.friction] * normal - sum(by_row[row] ** 2 for row in slips).sqrt()
+                yield self._friction[contact.friction] * normal - length_of_balls(by_row[row] for row in slips)
             elif branch.along and self._at.is_at_rest(slips):
                 yield sum(part * self._along(row, accelerations) for row, part in zip(slips, branch.along, strict=True))
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 
+import flint
 import numpy as np
 import pytest
 
 from harness.programs.loops.interpreter import Bounded
 from harness.programs.mechanisms.clamps import Clamp
 from harness.programs.mechanisms.cones import Cone, Zone
+from harness.programs.numbers import length_of_balls
 
 LOW, HIGH = -2.0, 3.0
 
@@ -56,3 +58,19 @@ def test_a_contact_is_shown_to_do_what_no_rounding_changes(normal: float, fits: 
     assert shown(1.0, 0.0) == []
     # Weights that are taken elsewhere are those of where y slides alone.
     assert shown(1e-25, 1e-18) == ([] if fits in (None, Zone.SLIDES) else [fits])
+
+
+@pytest.mark.parametrize(("normal", "zone"), [(-1.0, Zone.STICKS), (1.0, Zone.PARTS), (0.0, None)])
+def test_balls_around_the_axis_of_a_cone_decide_its_zone(normal: float, zone: Zone | None) -> None:
+    """A contact without any force along its tangents, as of a body that rests on level ground."""
+    cone, numbers = Cone(0, 1, (2, 3, 4), (5, 6, 7), friction=(8, 9), ratio=10), np.zeros(11)
+    numbers[8:] = 0.5, 0.5, 1.0
+    y = [flint.arb(normal, 1e-20), flint.arb(0, 1e-20), flint.arb(0, 1e-20)]
+    assert cone.zone_in_balls(numbers, y) is zone
+
+
+def test_the_length_of_balls_encloses_every_length() -> None:
+    found = length_of_balls([flint.arb(3, 1e-9), flint.arb(-4, 1e-9)])
+    assert found.contains(5) and found.rad() < 1e-8
+    around = length_of_balls([flint.arb(0, 1e-9), flint.arb(0, 1e-9)])
+    assert around.contains(0) and around.contains(math.sqrt(2) * 1e-9) and around.abs_upper() < 1e-8

@@ -30,7 +30,7 @@ import numpy as np
 
 from harness.arrays import Array
 from harness.programs.loops.interpreter import Bounded
-from harness.programs.numbers import UNIT_ROUNDOFF
+from harness.programs.numbers import UNIT_ROUNDOFF, root_of_ball
 from harness.programs.terms import Matrix, Term, Vector, length, sqrt
 
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
@@ -68,7 +68,8 @@ def _edges(numbers: Any, y: Any, root: Any) -> tuple[Any, Any]:
     """As ``Cone.edges``, of arrays or balls; ``numbers`` are the ratio and the coefficients of friction."""
     ratio, *friction = numbers
     mu = friction[0] / root(ratio)
-    normal, across = mu * y[0], root(sum((own * along) ** 2 for own, along in zip(friction, y[1:], strict=True)))
+    lateral = (own * along for own, along in zip(friction, y[1:], strict=True))
+    normal, across = mu * y[0], root(sum(part * part for part in lateral))
     return mu * normal + across, normal - mu * across
 
 
@@ -189,7 +190,7 @@ class Cone:
         ratio, *friction = (flint.arb(float(found[one])) for one in (self.ratio, *self.friction))
         if self.rest_of_ratio is not None:
             ratio += flint.arb(float(found[self.rest_of_ratio]))
-        sticking, parting = self.flow.edges([ratio, *friction], y, flint.arb.sqrt)
+        sticking, parting = self.flow.edges([ratio, *friction], y, root_of_ball)
         if sticking <= 0:
             return Zone.STICKS
         if parting >= 0:

@@ -29,6 +29,7 @@ from harness.programs.kernels import BallKernel
 from harness.programs.loops.interpreter import Bounded, bounded_outputs, encoded, moved_outputs, solutions
 from harness.programs.mechanisms.clamps import Clamp, Ranges
 from harness.programs.mechanisms.cones import Cone, Flags, Zone
+from harness.programs.numbers import length_of_balls
 from harness.programs.program import StraightLineProgram
 from harness.storage import Kept
 
@@ -285,8 +286,8 @@ class Zones:
             return zone == before
         sides.towards[state, part] = high = [float(ball.mid()) for ball in y]
         sides.rest[state, part] = [float((ball - whole).mid()) for ball, whole in zip(y, high, strict=True)]
-        apart = sum(((ball - one) - other) ** 2 for ball, one, other in zip(y, *towards, strict=True)).sqrt()
-        return bool(zone == before and apart < _SAME * sum(ball**2 for ball in y).sqrt())
+        apart = length_of_balls((ball - one) - other for ball, one, other in zip(y, *towards, strict=True))
+        return bool(zone == before and apart < _SAME * length_of_balls(y))
 
 
 def _approximate(zones: Zones, known: Array, found: Array) -> Bounded:
