@@ -46,7 +46,7 @@ class _Held:
     unit_roundoff: float
     every_corner: bool
     placed: ShapesInWorld
-    known: dict[frozenset[str], tuple[_Pair, ContactNumbers]]
+    known: dict[frozenset[str], tuple[_Pair, Sequence[ContactNumbers]]]
     shapes: dict[str, Shape]
     judged: int = 0
     given: int = 0
@@ -76,11 +76,17 @@ class _Held:
                     self._numbers(names, one, numbers)
             if not (first.name in placed and second.name in placed):
                 self.given += len(own)
-            elif own or _may_be_near(placed[first.name], placed[second.name], numbers.detected):
-                self._pair(placed[first.name], placed[second.name], own, numbers.detected)
+            elif own or _may_be_near(placed[first.name], placed[second.name], max(one.detected for one in numbers)):
+                self._pair(placed[first.name], placed[second.name], own, [one.detected for one in numbers])
         self.given += sum(map(len, contacts.values()))
 
-    def _numbers(self, names: frozenset[str], one: FoundContact, numbers: ContactNumbers) -> None:
+    def _numbers(self, names: frozenset[str], one: FoundContact, numbers: Sequence[ContactNumbers]) -> None:
+        """Note numbers of a contact that are others than the file's, of whichever it may be."""
+        faults = [[*self._other_numbers(one, own)] for own in numbers]
+        for what, text in faults[0] if all(faults) else ():
+            self.fault(names, what, text)
+
+    def _other_numbers(self, one: FoundContact, numbers: ContactNumbers) -> Iterator[tuple[str, str]]:
         sums: dict[str, tuple[Sequence[float], Sequence[float]]] = {
             "margin": ((one.margin,), (numbers.margin,)),
             "friction": (one.friction, numbers.friction),
@@ -92,9 +98,10 @@ class _Held:
             roundings = _MEAN if what in means else self.unit_roundoff > _DOUBLE
             room = roundings * self.unit_roundoff
             if len(own) != len(wanted) or any(abs(x - y) > room * abs(y) for x, y in zip(own, wanted, strict=True)):
-                self.fault(names, what, f"have {what} {_text(own)} where the file has {_text(wanted)}")
+                yield what, f"have {what} {_text(own)} where the file has {_text(wanted)}"
 
-    def _pair(self, first: PlacedShape, second: PlacedShape, found: Sequence[FoundContact], detected: float) -> None:
+    def _pair(self, first: PlacedShape, second: PlacedShape, found: Sequence[FoundContact], detected: Sequence[float]) -> None:
+        """Hold the contacts of two shapes, ``detected`` up to such a distance each time that they collide."""
         names, points = frozenset((first.shape.name, second.shape.name)), nearest(first, second, self.unit_roundoff, self.every_corner)
         if are_parallel(first, second):
             beside = [one.point for one in found] or [tuple(map(float, second.centre))]
@@ -102,14 +109,16 @@ class _Held:
             if found and len(points) < len(found):
                 self.fault(names, "points", "touch where they are further apart than elsewhere")
                 return
+            detected = [max(detected)]
         elif points is None:
             self.given += len(found)
             return
         self.judged += len(found)
-        room = [AGREEMENT * self.unit_roundoff * (one.size + abs(detected)) for one in points]
-        beyond = [float(one.distance.mid()) - detected for one in points]
-        needed = sum(one.is_sure and far < -little for one, far, little in zip(points, beyond, room, strict=True))
-        possible = [one for one, far, little in zip(points, beyond, room, strict=True) if far <= little]
+        each = list(itertools.product(points, detected))
+        room = [AGREEMENT * self.unit_roundoff * (one.size + abs(end)) for one, end in each]
+        beyond = [float(one.distance.mid()) - end for one, end in each]
+        needed = sum(one.is_sure and far < -little for (one, _), far, little in zip(each, beyond, room, strict=True))
+        possible = [one for (one, _), far, little in zip(each, beyond, room, strict=True) if far <= little]
         if len(found) < needed:
             self.fault(names, "missing", f"touch in {needed} points by the file, and in {len(found)} by the engine")
         elif len(found) > len(possible):

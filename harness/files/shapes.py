@@ -65,19 +65,20 @@ class Shapes:
 
     Attributes:
         excluded: pairs of bodies none of whose shapes touch.
-        explicit: pairs of shapes whose contacts the file gives numbers of their own; they collide whatever else it says.
+        explicit: pairs of shapes whose contacts the file gives numbers of their own; they collide whatever else it says, once for each
+            element that names them.
         filters_parents: whether a body and its parent do not touch.
         why_not: why nothing is said of any contact; "" where it is.
     """
 
     shapes: tuple[Shape, ...] = ()
     excluded: frozenset[frozenset[str]] = frozenset()
-    explicit: Mapping[frozenset[str], ContactNumbers] = field(default_factory=dict)
+    explicit: Mapping[frozenset[str], Sequence[ContactNumbers]] = field(default_factory=dict)
     filters_parents: bool = True
     why_not: str = ""
 
-    def pairs(self, tree: Tree) -> list[tuple[Shape, Shape, ContactNumbers]]:
-        """Those that collide where they are near, with the numbers of their contacts."""
+    def pairs(self, tree: Tree) -> list[tuple[Shape, Shape, Sequence[ContactNumbers]]]:
+        """Those that collide where they are near, with the numbers of their contacts, of each time that they do."""
         top, above = _welded(tree)
         found = []
         for number, one in enumerate(self.shapes):
@@ -89,7 +90,7 @@ class Shapes:
                     and frozenset((one.body, other.body)) not in self.excluded
                     and not self._is_filtered(top[one.body], top[other.body], above)
                 ):
-                    found.append((one, other, numbers_of_contact(one, other)))
+                    found.append((one, other, [numbers_of_contact(one, other)]))
         return found
 
     def _is_filtered(self, one: str, other: str, above: dict[str, str]) -> bool:

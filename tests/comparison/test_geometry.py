@@ -137,6 +137,32 @@ def test_contacts_in_float32_are_held_in_roundoffs_of_that(tmp_path: Path) -> No
     assert verdicts[0] is not None and 0.01 < verdicts[0].error < 2
 
 
+TWICE = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
+  <body pos="0 0 0.25"><freejoint/><geom name="ball" size="0.1"/><geom name="rod" type="capsule" size="0.05 0.1" pos="0.3 0 -0.1"/></body>
+  <body pos="0.3 0.12 0.2"><freejoint/><geom name="beside" type="capsule" size="0.05 0.1"/></body></worldbody>
+  <contact><pair geom1="floor" geom2="ball" condim="1" margin="0.3"/><pair geom1="ball" geom2="floor" margin="{margin}"/>
+    <pair geom1="floor" geom2="rod"/><pair geom1="floor" geom2="rod"/><pair geom1="rod" geom2="beside"/></contact></mujoco>"""
+
+
+@pytest.mark.parametrize(("margin", "count"), [("0.3", 2), ("0.01", 1)])
+def test_shapes_touch_once_for_each_element_that_pairs_them(margin: str, count: int, tmp_path: Path) -> None:
+    """With the numbers of each; a pair that one element alone detects touches once."""
+    path = written(tmp_path, TWICE.format(margin=margin))
+    states = np.array(
+        [[0, 0, 0.25, 1, 0, 0, 0, 0.3, 0.12, 0.2, 1, 0, 0, 0.0], [0, 0, 0.1, 0.9, 0.3, 0.2, 0.1, 0.3, 0.12, 0.2, 1, 0, 0, 0.0]]
+    )
+    states[1, 3:7] /= np.linalg.norm(states[1, 3:7])
+    found, robot = found_at(path, states), read_robot(path)
+    of_ball = [one for one in found[0] if set(one.shapes) == {"floor", "ball"}]
+    assert [len(one.friction) for one in of_ball] == [0, 2][:count]
+    record = hold_shapes(robot, states, found, shapes_that_touch(mujoco.MjModel.from_xml_path(str(path))))
+    assert record is not None and (record.verdict, record.rest) == (Verdict.AGREES, [])
+    for one in of_ball:
+        others = [[other for other in found[0] if other is not one], found[1]]
+        record = hold_shapes(robot, states, others, ["floor", "ball", "rod", "beside"])
+        assert record is not None and re.search(rf"touch in {count} points by the file, and in {count - 1}", record.rest[0])
+
+
 SUNK = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
   <body><freejoint/><geom name="crate" type="box" size="0.1 0.2 0.3"/></body></worldbody></mujoco>"""
 

@@ -6,6 +6,7 @@ Source: MuJoCo documentation, XML reference, ``body/geom``, ``contact/pair``, ``
 from __future__ import annotations
 
 import itertools
+from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
 
 from lxml import etree
@@ -33,7 +34,9 @@ def shapes_in(source: Source, tree: Tree) -> Shapes:
     # The tree has them in this order; replicas stand at one place.
     names = {element: body.name for element, body in zip(elements, tree.bodies, strict=True)}
     try:
-        explicit = {_pair(one): _numbers_of(attributes, one) for one in root.iterfind("contact/pair")}
+        explicit = defaultdict[frozenset[str], list[ContactNumbers]](list)
+        for one in root.iterfind("contact/pair"):
+            explicit[_pair(one)].append(_numbers_of(attributes, one))
         paired = frozenset(itertools.chain.from_iterable(explicit))
         shapes = tuple(
             shape
@@ -45,7 +48,7 @@ def shapes_in(source: Source, tree: Tree) -> Shapes:
     return Shapes(
         shapes=shapes,
         excluded=frozenset(frozenset((one.get("body1"), one.get("body2"))) for one in root.iterfind("contact/exclude")),
-        explicit=explicit,
+        explicit=dict(explicit),
         filters_parents=is_on(root, "filterparent"),
         why_not=_why_not(root),
     )
