@@ -49,6 +49,14 @@ FILES = {
         "reference of a slide from a default class", '<default><default class="c"><joint ref="20"/></default></default>',
         body("a", 'name="j1" axis="1 0 0"', SLIDE), "",
     ),
+    **{
+        f"pose of a class{beside}": (
+            "pose of a default class",
+            '<default><default class="c"><geom type="box" size="0.1 0.2 0.3" pos="0.1 0.2 0.3" quat="3 1 0 2"/></default></default>',
+            f'<body name="a"><joint name="j1" axis="0 1 0"/><geom class="c"{beside}/></body>', "",
+        )
+        for beside in ("", ' pos="0 0 1"', ' quat="1 0 1 0"')
+    },
     "rotors of a free joint": ("rotors of free joints", COMPILER, body("a", 'name="j1" type="free" armature="0.3"', SECOND), ""),
     "type of a childclass": (
         "class beside a childclass",

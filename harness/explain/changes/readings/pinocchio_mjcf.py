@@ -29,7 +29,7 @@ from harness.explain.changes.readings import (
 from harness.files.document.source import read_any
 from harness.files.given import ORIGIN, Given, Placement, vector
 from harness.files.joint_kinds import JointKind
-from harness.files.mjcf.attributes import KINDS, childclass_of, of_class, resolved, resolved_text
+from harness.files.mjcf.attributes import KINDS, ORIENTATIONS, childclass_of, of_class, resolved, resolved_text
 from harness.files.reading import EXPECTED
 from harness.files.tree import WORLD, Body, Inertia, Joint, Solid, Tree
 from harness.trees.bodies.inertias import bounded
@@ -230,6 +230,20 @@ def _without_masses_of_classes(solid: Solid) -> Solid:
     return replace(solid, mass=None) if is_of_class else solid
 
 
+@law("pose of a default class", "geoms", each=with_solids)
+def _without_poses_of_classes(solid: Solid) -> Solid:
+    """Ends of a class are read; of a mesh nobody here knows where it would be otherwise."""
+    element = element_at(solid.place)
+    if element is None or solid.ends is not None or solid.kind == "mesh":
+        return solid
+    *around, own = solid.pose
+    if "pos" not in element.attrib:
+        own = replace(own, position=ORIGIN)
+    if not any(name in element.attrib for name in ORIENTATIONS):
+        own = replace(own, rotation=())
+    return replace(solid, pose=(*around, own))
+
+
 @law("further trees", "bodies")
 def _of_the_first_tree(robot: Robot) -> Tree:
     return without_bodies(robot.tree, [body.name for body in robot.tree.bodies if body.parent == WORLD][1:])
@@ -346,6 +360,11 @@ READINGS = readings_of(
                 "Pinocchio's MJCF reader ignores a geom's mass from a default class, and uses its density",
                 "write mass on the geom itself",
                 f"{_GEOMS}: only the geom's own attribute mass is read",
+            ),
+            _without_poses_of_classes: (
+                "Pinocchio's MJCF reader ignores a geom's position and orientation from a default class",
+                "write pos, and quat or the like, on the geom itself",
+                f"{_GEOMS}: the pose is that of the geom's own attributes; size, type and fromto of a class are read",
             ),
             _of_the_first_tree: (
                 "Pinocchio's MJCF reader reads only the first body in <worldbody>, with its children",
