@@ -55,8 +55,9 @@ _OF_MJCF: Mapping[str, Mapping[str, Sequence[str]]] = {
     "site_quat": {"": (*_TURNED, "fromto")},
 }
 _INERTIAL = ("body_mass", "body_inertia", "body_ipos", "body_iquat")
-# The part of an element of a URDF that has a number, and its attributes, each a number by itself. A joint places a link.
+# Numbers of a link that the joint which places it has in a URDF.
 _PLACES = ("body_pos", "body_quat")
+# The part of an element of a URDF that has a number, and its attributes, each a number by itself.
 _OF_URDF = {
     "dof_damping": ("dynamics", "damping"),
     "dof_frictionloss": ("dynamics", "friction"),
@@ -183,7 +184,7 @@ class HeldFile:
             yield said
 
     def _placing(self, link: str) -> list[etree._Element]:
-        """The joint that places a link, and those by which that on which it does is fixed to others."""
+        """The joint that places a link, and the fixed ones by which its parent stands on other links."""
         joints: dict[str, etree._Element] = {}
         for joint in self._source.root.iterchildren("joint"):
             for child in joint.iterchildren("child"):
