@@ -86,6 +86,23 @@ def test_a_time_constant_and_damping_ratio_are_those_of_mujoco(flag: str, tmp_pa
     assert compare(reference.evaluate(states), by_mujoco(model, states)).backward_error.max() < 64
 
 
+OF_CLASSES = ['euler="10 20 30"', 'quat="0.2 1 0.3 0"', 'zaxis="1 2 0.5"', 'axisangle="1 0 2 50"', 'xyaxes="1 0.2 0 0 1 1"', '']
+
+
+@pytest.mark.parametrize("own", OF_CLASSES)
+@pytest.mark.parametrize("of_class", OF_CLASSES)
+@pytest.mark.parametrize("around", ['euler="50 0 10"', 'quat="1 0.5 0 0.1"'])
+def test_an_orientation_replaces_that_of_the_class_in_any_form(around: str, of_class: str, own: str, tmp_path: Path) -> None:
+    path = tmp_path / "turned.xml"
+    path.write_text(
+        f"""<mujoco><default><geom {around} type="box" size="0.1 0.2 0.3"/><default class="turned"><geom {of_class}/></default></default>
+        <worldbody><body><joint axis="1 2 3"/><geom class="turned" {own} pos="0.3 0.1 0"/></body></worldbody></mujoco>"""
+    )
+    reference = ReferenceKernel(mechanism_of(read_robot(path)))
+    states = sample(reference.mechanism, STATES, SEED)
+    assert compare(reference.evaluate(states), by_mujoco(mujoco.MjModel.from_xml_path(str(path)), states)).backward_error.max() < 64
+
+
 # Bodies of which least values change much, little, or nothing; and the moments that none can have, for a mean.
 BODIES = {
     "principal": '<inertial pos="0.1 0.2 0.3" mass="0.05" diaginertia="0.002 0.003 0.004" euler="10 20 30"/>',

@@ -276,10 +276,12 @@ class Attributes:
         return Placement(vector(position), self._rotation(element))
 
     def _rotation(self, element: etree._Element) -> Rotation:
-        """The orientation of an element; raises InvalidModel where it is given twice."""
-        given = [name for name in ORIENTATIONS if next(writings(element, name), None) is not None]
-        if len(given) > 1:
-            self._source.refuse(element, f"{describe(element)} has {' and '.join(given)}; expected one orientation")
+        """The orientation of an element, which replaces that of its class in any form; raises InvalidModel where it is given twice."""
+        given: list[str] = []
+        for layer in reversed(layers(element)):
+            given = given or [name for name in ORIENTATIONS if name in layer.attrib]
+            if len(given) > 1:
+                self._source.refuse(layer, f"{describe(layer)} has {' and '.join(given)}; expected one orientation")
         rotation: Rotation = ()
         for name in given:
             numbers = self.numbers(element, name, (0,) * _SIZES[name])
