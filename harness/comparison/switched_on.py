@@ -197,8 +197,8 @@ def with_verdict(
     if record.explained or not names:
         return record
     # That the solver is stopped too early is the first suspicion of who uses it.
-    ended_at = "it is {} data roundoffs away where its solver goes on, too: {}"
-    still = [ended_at.format(error_text(left), remedy) for left, remedy in sorted(gone_on)[:1]]
+    not_the_cause = "what its solver leaves is not the cause: {} data roundoffs remain if you {}"
+    still = [not_the_cause.format(error_text(left), remedy) for left, remedy in sorted(gone_on)[:1]]
     return replace(record, rest=[*case.left(answers, compared), *still])
 
 

@@ -370,7 +370,7 @@ def test_a_fault_of_the_engine_is_seen_and_named(
     record = held_by("sphere_on_incline" if plant is _dropped else "", engine, 40 if engine == CONVEX else 16)
     assert record.verdict == "disagrees" and not record.explained
     first, *others, last = record.rest
-    assert re.match(r"it is \S+ data roundoffs away where its solver goes on, too: use pin\.", last)
+    assert re.match(r"what its solver leaves is not the cause: \S+ data roundoffs remain if you use pin\.", last)
     assert first == "it is only at states where bodies touch that it is not what its documentation gives"
     assert (others[:1] == [NAMED[plant]]) if plant in NAMED else not others
 
