@@ -2,7 +2,7 @@
 
 Exit status: 0 all verdicts as expected and nothing superfluous in a model of the built-in library; 1 not so, and nothing else;
 2 bad usage or an invalid model, system or engine file; 3 an engine crashed or timed out; 70 the harness itself is at fault; 130
-an interrupt.
+an interrupt; 143 a signal to terminate.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ import traceback
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+from types import FrameType, ModuleType
+from typing import Any, NoReturn
 
 import click
 
 from harness import commands
 from harness.commands import SECTIONS
-from harness.commands.frame.options import INTERRUPTED, INVALID, report_own_fault
-from harness.errors import is_out_of_memory
+from harness.commands.frame.options import INTERRUPTED, INVALID, TERMINATED, report_own_fault
+from harness.errors import Terminated, is_out_of_memory
 from harness.library import FILE_SUFFIXES, TEMPLATE_SUFFIX, nearest
 from harness.registry import module_names
 from harness.version import SYSTEMS, __version__
@@ -72,7 +72,7 @@ def surroundings() -> Iterator[None]:
     os.close(descriptor)
     with contextlib.ExitStack() as undo:
         if threading.current_thread() is threading.main_thread():
-            terminate = signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+            terminate = signal.signal(signal.SIGTERM, _terminate)
             undo.callback(signal.signal, signal.SIGTERM, terminate)
         output = _replaced("stdout", 1, undo)
         _replaced("stderr", 2, undo)
@@ -88,6 +88,10 @@ def surroundings() -> Iterator[None]:
             sys.stdout.flush()
             if output is not None and output.failure is not None and not isinstance(output.failure, BrokenPipeError):
                 _end(f"standard output cannot be written ({output.failure.strerror}); send it elsewhere")
+
+
+def _terminate(number: int, frame: FrameType | None) -> NoReturn:
+    raise Terminated(TERMINATED)
 
 
 def _replaced(name: str, descriptor: int, undo: contextlib.ExitStack) -> _Stream | None:
@@ -200,4 +204,5 @@ def main() -> None:
       3    an engine crashed or timed out
       70   a fault of the harness itself
       130  an interrupt
+      143  a signal to terminate
     """

@@ -38,6 +38,10 @@ class InvalidEngine(InvalidInput):
     """An engine file that gives no engine. It costs the records of its own engine, where it is asked, and no command."""
 
 
+class Terminated(SystemExit):
+    """A signal to terminate, which unwinds the command with its exit status."""
+
+
 class InvalidRequest(Exception):
     """Something asked for that cannot be: a name nothing has, options that do not fit, a package that is not installed: exit status 2."""
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from harness.commands import STUDIES
-from harness.commands.frame.bracket import Bracket, computing, lose
+from harness.commands.frame.bracket import Bracket, computing, cut_short
 from harness.commands.frame.options import STATES_OF_PROFILE, states_option, time_limit_option
 from harness.commands.frame.pages import write_page
 from harness.commands.frame.terminal import print_titled, progress, say
@@ -86,10 +86,10 @@ def command(bracket: Bracket, names: tuple[str, ...], stages: tuple[str, ...], r
         for stage in asked_for:
             _complete(bracket, course, stage)
     except SchedulerLost as loss:
-        lose(bracket, loss, f"the night has {counted(len(course.night.done), 'complete unit')}, and --resume goes on with the others")
-    summary = _summary(course, asked_for, choice, is_complete=bracket.lost is None)
+        cut_short(bracket, loss, f"the night has {counted(len(course.night.done), 'complete unit')}, and --resume goes on with the others")
+    summary = _summary(course, asked_for, choice, is_complete=bracket.cut_short is None)
     _write(bracket, course, summary)
-    if bracket.lost is None:
+    if bracket.cut_short is None:
         course.end(summary.sentence)
     _print(bracket, summary)
     bracket.finish(

@@ -157,7 +157,7 @@ def _ask(bracket: Bracket, settings: Settings, *names: str) -> _Answers:
     study = CrossCheck(settings_of(settings, names))
     records = bracket.complete(study, kept=False).records
     portraits = bracket.complete(PortraitStudy(settings, records), kept=False)
-    if bracket.lost is not None:
+    if bracket.cut_short is not None:
         # From versions that were not asked to the end nothing follows.
         bracket.write_json(records)
         bracket.finish([], True, False)

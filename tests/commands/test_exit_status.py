@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -69,6 +72,39 @@ def test_an_interrupt_is_130(tmp_path: Path) -> None:
         printed, told = process.communicate(timeout=60)
     assert (process.returncode, printed) == (130, "")
     assert told.splitlines() == ["harness: interrupted"]
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize(
+    ("words", "number", "status", "why"),
+    [
+        (["check", "bar_pendulum", "chain_12"], signal.SIGINT, 130, "interrupted"),
+        (["compare", "robots/bar_pendulum.xml", "robots/large.xml"], signal.SIGTERM, 143, "terminated by a signal"),
+        (["survey", "robots"], signal.SIGINT, 130, "interrupted"),
+    ],
+)
+def test_what_was_answered_before_a_signal_is_told_and_written(
+    words: list[str], number: signal.Signals, status: int, why: str, tmp_path: Path
+) -> None:
+    """One robot is answered soon, and the other is large."""
+    (tmp_path / "robots").mkdir()
+    shutil.copy(Library.built_in().model_path("bar_pendulum", "mjcf"), tmp_path / "robots")
+    links = "".join(f'<body pos="0 0 -1"><joint axis="1 {one} 0"/><geom size="0.1"/>' for one in range(60)) + "</body>" * 60
+    (tmp_path / "robots" / "large.xml").write_text(f"<mujoco><worldbody>{links}</worldbody></mujoco>")
+    command = [sys.executable, "-m", "harness", *words, "--states", "100000", "--workers", "1", "--json", "found.json"]
+    with heeding_interrupts():
+        process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    with process:
+        deadline, written = time.monotonic() + 120, tmp_path / "found.json"
+        while time.monotonic() < deadline and process.poll() is None and not written.is_file():
+            time.sleep(0.02)
+        os.kill(process.pid, number)
+        printed, told = process.communicate(timeout=60)
+    assert process.returncode == status, told
+    assert re.match(rf"{why.capitalize()}: \d+ of \d+ parts of the \S+ were complete, and what follows is of those\.", printed), printed
+    assert "Traceback" not in told
+    found = json.loads(written.read_text())
+    assert found["incomplete"] == why and "bar_pendulum" in json.dumps(found)
 
 
 def test_a_fault_of_the_harness_is_70_and_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -86,7 +86,7 @@ def test_a_time_constant_and_damping_ratio_are_those_of_mujoco(flag: str, tmp_pa
     assert compare(reference.evaluate(states), by_mujoco(model, states)).backward_error.max() < 64
 
 
-OF_CLASSES = ['euler="10 20 30"', 'quat="0.2 1 0.3 0"', 'zaxis="1 2 0.5"', 'axisangle="1 0 2 50"', 'xyaxes="1 0.2 0 0 1 1"', '']
+OF_CLASSES = ['euler="10 20 30"', 'quat="0.2 1 0.3 0"', 'zaxis="1 2 0.5"', 'axisangle="1 0 2 50"', 'xyaxes="1 0.2 0 0 1 1"', ""]
 
 
 @pytest.mark.parametrize("own", OF_CLASSES)

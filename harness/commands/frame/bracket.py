@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.commands.frame import options
 from harness.commands.frame.terminal import progress, say
-from harness.errors import InvalidInput, InvalidRequest
+from harness.errors import InvalidInput, InvalidRequest, Terminated
 from harness.results.detail import Detail
 
 if TYPE_CHECKING:
@@ -33,6 +33,19 @@ STANDARD_OUTPUT = "-"
 _JSON_WRITTEN_BY = 20
 
 
+@dataclass(frozen=True)
+class CutShort:
+    """The end of a study before its last part: the loss of a scheduler, or a signal.
+
+    Attributes:
+        why: a clause, as in "interrupted". status: the command's exit status. signal: what was raised, if a signal it was.
+    """
+
+    why: str
+    status: int
+    signal: BaseException | None = None
+
+
 @dataclass(kw_only=True)
 class Bracket:
     """The first argument of a command.
@@ -42,7 +55,7 @@ class Bracket:
             as far as a command has them.
         named_subjects: those of the command's options; other engine files of the library are not run.
         run: what the command is; set by ``begin``. number: of the run in the history, None where it is not kept.
-        lost: the loss of the scheduler, after which no study goes on; what was answered is told and written.
+        cut_short: what ended a study before its last part, after which none goes on; what was answered is told and written.
     """
 
     library_path: str | None = None
@@ -59,7 +72,7 @@ class Bracket:
     named_subjects: Sequence[str] = field(default=(), init=False)
     _exit: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     number: int | None = None
-    lost: SchedulerLost | None = None
+    cut_short: CutShort | None = None
     run: Run = field(init=False)
     _document: str = ""
 
@@ -124,8 +137,11 @@ class Bracket:
 
         Raises:
             InvalidRequest: the cluster cannot be reached.
+            KeyboardInterrupt, SystemExit: such a signal has cut a study short, and nothing further is asked.
         """
         assert self.time_limit is not None, "a command with workers has a time limit"
+        if self.cut_short is not None and self.cut_short.signal is not None:
+            raise self.cut_short.signal
         return self._exit.enter_context(self.pool_for(self.time_limit))
 
     def pool_for(self, time_limit: float, on_this_machine: bool = False) -> Workers:
@@ -133,7 +149,7 @@ class Bracket:
         from harness.programs.machine_code import replace_damaged
         from harness.workers import Workers
 
-        scheduler = None if on_this_machine or self.lost is not None else self.scheduler
+        scheduler = None if on_this_machine or self.cut_short is not None else self.scheduler
         # Where heyoka is loaded, it has the cache open.
         if scheduler is None and "heyoka" not in sys.modules and (damaged := replace_damaged()):
             say(f"harness: {damaged}", err=True)
@@ -153,6 +169,8 @@ class Bracket:
     def complete(self, study: Study, document: Callable[[], Mapping[str, Any]] | None = None, kept: bool = True) -> Any:
         """Run a study to the end and return its result: progress, each part into the history, and the JSON file beside it.
 
+        A lost scheduler ends it before, and so does a signal once a part is complete.
+
         ``document`` gives the parts of the JSON file, which is written when a twentieth of the parts is new and when the study ends,
         in whatever way: each part while they are few, and of a thousand of them the last fifty may be missing after a kill.
         ``kept`` is False for a study whose parts are no part of the run's.
@@ -160,7 +178,7 @@ class Bracket:
         from harness.study import run_study
         from harness.workers import SchedulerLost
 
-        if self.lost is not None:
+        if self.cut_short is not None:
             return study.result()
         parts = unwritten = 0
         try:
@@ -173,10 +191,12 @@ class Bracket:
                         self.write_json(**document())
                         unwritten = 0
                     advance(part.label)
-        except SchedulerLost as loss:
-            lose(self, loss, f"{parts} of {study.steps} parts of the {study.title} were complete, and what follows is of those")
+        except (SchedulerLost, KeyboardInterrupt, Terminated) as cause:
+            if not parts and not isinstance(cause, SchedulerLost):
+                raise
+            cut_short(self, cause, f"{parts} of {study.steps} parts of the {study.title} were complete, and what follows is of those")
         finally:
-            if document is not None and (unwritten or self.lost is not None):
+            if document is not None and (unwritten or self.cut_short is not None):
                 self.write_json(**document())
         return study.result()
 
@@ -188,8 +208,8 @@ class Bracket:
     def write_json(self, records: Sequence[Record] = (), **parts: Any) -> None:
         """Write the JSON file that was asked for, if one was; ``parts`` as for ``to_json``."""
         if self.json_path:
-            lost = {} if self.lost is None else {"incomplete": str(self.lost)}
-            self._write_text(self._json.text(records, **parts, **lost))
+            incomplete = {} if self.cut_short is None else {"incomplete": self.cut_short.why}
+            self._write_text(self._json.text(records, **parts, **incomplete))
 
     def write_plain(self, data: Any) -> None:
         """Write plain data, of a command that has no run, to the JSON file that was asked for, if one was."""
@@ -213,21 +233,33 @@ class Bracket:
     def finish(self, problems: Sequence[Exception], crashed: bool, as_expected: bool, faults: Sequence[str] = ()) -> None:
         """End with the status that was earned: invalid input first, then faults of the harness, then a death, then a verdict.
 
-        The loss of the scheduler is a death.
+        The loss of the scheduler is a death, and a signal has a status of its own.
         """
         options.report_errors(problems)
         for fault in faults:
             say(fault, err=True)
         if faults:
             options.report_own_fault()
-        sys.exit(options.CRASHED if crashed or self.lost is not None else options.AS_EXPECTED if as_expected else options.NOT_AS_EXPECTED)
+        if self.cut_short is not None:
+            sys.exit(self.cut_short.status)
+        sys.exit(options.CRASHED if crashed else options.AS_EXPECTED if as_expected else options.NOT_AS_EXPECTED)
 
 
-def lose(bracket: Bracket, loss: SchedulerLost, sentence: str) -> None:
-    """Go on without the scheduler: side tasks run on this machine, and no study does. The first line that is printed says so."""
-    bracket.lost, text = loss, str(loss)
+def cut_short(bracket: Bracket, cause: SchedulerLost | KeyboardInterrupt | Terminated, sentence: str) -> None:
+    """Go on without a study that ended before its last part, which the first line that is printed says.
+
+    Where the scheduler is lost, side tasks run on this machine. After a signal none does.
+    """
+    match cause:
+        case KeyboardInterrupt():
+            bracket.cut_short = CutShort("interrupted", options.INTERRUPTED, cause)
+        case Terminated():
+            bracket.cut_short = CutShort("terminated by a signal", options.TERMINATED, cause)
+        case _:
+            bracket.cut_short = CutShort(str(cause), options.CRASHED)
     bracket.__dict__.pop("pool", None)
-    say(f"{text[0].upper()}{text[1:]}: {sentence}.", "")
+    why = bracket.cut_short.why
+    say(f"{why[0].upper()}{why[1:]}: {sentence}.", "")
 
 
 def computing(*, time_limit: float | None = None, **chosen: bool) -> Callable[[Callable[..., None]], Callable[..., None]]:

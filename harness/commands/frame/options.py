@@ -15,8 +15,8 @@ from harness.results.detail import Detail
 from harness.results.records import ACCELERATIONS
 
 AS_EXPECTED, NOT_AS_EXPECTED, INVALID, CRASHED = 0, 1, 2, 3
-# As sysexits.h has EX_SOFTWARE, and as shells count an end by SIGINT.
-INTERNAL, INTERRUPTED = 70, 130
+# As sysexits.h has EX_SOFTWARE, and as shells count an end by SIGINT and by SIGTERM.
+INTERNAL, INTERRUPTED, TERMINATED = 70, 130, 143
 # States per system of a report; the check command's own default is the same as quick.
 STATES_OF_PROFILE = {"quick": 1000, "nightly": 100_000}
 
