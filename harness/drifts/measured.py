@@ -35,7 +35,7 @@ from harness.drifts.log import CERTAIN, Log, MeasuredSettings
 from harness.engines.moving import HeldNumbers, MotionsRequest, Moved
 from harness.explain.changes import Change
 from harness.explain.changes.held import HeldFile, SizedChange, sized_change
-from harness.explain.identifiable import EffectColumn, alternatives
+from harness.explain.identifiable import ColumnSets, EffectColumn
 from harness.files.given import Place
 from harness.results.cause import DriftCause
 from harness.results.measured import MeasuredNumber, MeasuredRecord
@@ -253,20 +253,15 @@ class _Untold:
     def __init__(self, log: Log, fit: JointFit) -> None:
         self._log, self._fit = log, fit
         self._slopes = log.slopes(fit.point, fit.start)
+        self._known: dict[tuple[int, ...], tuple[list[int], ColumnSets]] = {}
 
     def to(self, place: int, value: float, significance: float, others: Sequence[int] = ()) -> list[tuple[int, ...]]:
         """Those that the log does not tell from a number at a value, so many standard errors from the file's, ``others`` fitted with it."""
-        beside_these = beside(np.vstack([self._fit.starts, *(self._slopes[other][0][None] for other in others if other in self._slopes)]))
-        columns: dict[int, EffectColumn] = {}
-        for own, (slope, wider) in self._slopes.items():
-            values, beyond = beside_these(np.array([slope, wider]))
-            # Of a column of which less is certain nothing is claimed.
-            if own not in others and values.any() and (noise := np.linalg.norm(beyond - values) / np.linalg.norm(values)) <= CERTAIN:
-                columns[own] = EffectColumn(values.reshape(self._log.rows, -1), float(noise))
-        if place not in columns:
+        own_places, sets = self._beside(tuple(others))
+        if place not in own_places:
             # The others may do the same.
             return self.to(place, value, significance) if others else []
-        own_places, change = list(columns), value - self._log.numbers[place].value
+        change = value - self._log.numbers[place].value
         unknown = _threshold(self._log, self._fit) / significance if significance else np.inf
         if unknown >= 1.0:
             # Noise may make it.
@@ -278,5 +273,19 @@ class _Untold:
             number = self._log.numbers[own_places[one]]
             return bool(others) or self._log.value(self._fit.point, own_places[one]) + factor * change >= number.least
 
-        found = alternatives(list(columns.values()), own_places.index(place), unknown, is_possible)
+        found = sets.alternatives(own_places.index(place), unknown, is_possible)
         return [tuple(own_places[one] for one in members) for members in found]
+
+    def _beside(self, others: tuple[int, ...]) -> tuple[list[int], ColumnSets]:
+        """The numbers whose columns are certain where ``others`` are fitted with them, and the sets of these columns."""
+        if others in self._known:
+            return self._known[others]
+        beside_these = beside(np.vstack([self._fit.starts, *(self._slopes[other][0][None] for other in others if other in self._slopes)]))
+        columns: dict[int, EffectColumn] = {}
+        for own, (slope, wider) in self._slopes.items():
+            values, beyond = beside_these(np.array([slope, wider]))
+            # Of a column of which less is certain nothing is claimed.
+            if own not in others and values.any() and (noise := np.linalg.norm(beyond - values) / np.linalg.norm(values)) <= CERTAIN:
+                columns[own] = EffectColumn(values.reshape(self._log.rows, -1), float(noise))
+        self._known[others] = list(columns), ColumnSets([*columns.values()])
+        return self._known[others]

@@ -114,39 +114,64 @@ def base_parameters(columns: Sequence[EffectColumn]) -> BaseParameters:
     return BaseParameters(len(base), combinations)
 
 
-def alternatives(
-    columns: Sequence[EffectColumn], place: int, unknown: float, is_possible: Callable[[Mapping[int, float]], bool]
-) -> Iterator[tuple[int, ...]]:
-    """The sets of other values whose changes together do what a change of this one does: all of one, and the smallest of several.
+class ColumnSets:
+    """Sets of at most three of some columns, and which of them do the same as another column; what all questions share is made once."""
 
-    Args:
-        unknown: the part of the column, in its length, that answers are too noisy to tell, for one other value. Of several, noise would
-            let too many pass: their columns are dependent to their own noise.
-        is_possible: of factors as in ``BaseParameters.combinations``, whether values may change so.
-    """
-    own = columns[place]
-    pool = [other for other in range(len(columns)) if other != place]
-    directions = np.stack([columns[other].direction for other in pool], axis=1) if pool else np.zeros((len(own.direction), 0))
-    products, along, noise = directions.T @ directions, own.direction @ directions, np.array([columns[other].noise for other in pool])
-    rest = list(range(len(pool)))
-    for size in range(1, _MOST_MEMBERS + 1):
-        sets = np.array(list(combinations(rest, size)), dtype=np.intp).reshape(-1, size)
-        squares = products[sets[:, :, None], sets[:, None, :]]
-        sets, squares = (each[np.linalg.det(squares) > _DEPENDENT] for each in (sets, squares))
-        factors = np.linalg.solve(squares, along[sets][:, :, None])[:, :, 0]
-        uncertain = SAFETY * np.hypot(own.noise, np.linalg.norm(factors * noise[sets], axis=1))
-        bound = unknown * (size == 1) + uncertain
-        # The square of what is left has half of the digits: it sorts out, and what is left itself decides.
-        left = 1.0 - 2 * (factors * along[sets]).sum(axis=1) + np.einsum("si,sij,sj->s", factors, squares, factors)
-        near = (left <= bound**2 + _DEPENDENT * (1 + (factors**2).sum(axis=1))) & (uncertain <= _MOST_UNCERTAIN)
-        same, found = set[int](), list[tuple[int, ...]]()
-        for members, parts, least in zip(sets[near].tolist(), factors[near], bound[near].tolist(), strict=True):
-            if float(np.linalg.norm(own.direction - directions[:, members] @ parts)) <= least:
-                same |= {*members}
-                scaled = {pool[one]: float(part) * own.norm / columns[pool[one]].norm for one, part in zip(members, parts, strict=True)}
-                found += [tuple(scaled)] * bool(is_possible(scaled))
-        yield from found
-        if size > 1 and found:
-            return
+    def __init__(self, columns: Sequence[EffectColumn]) -> None:
+        self._columns = columns
+        self._of_size: dict[int, tuple[Array, Array, Array]] = {}
+
+    @cached_property
+    def _directions(self) -> Array:
+        return np.stack([column.direction for column in self._columns], axis=1)
+
+    @cached_property
+    def _products(self) -> Array:
+        return self._directions.T @ self._directions
+
+    @cached_property
+    def _noise(self) -> Array:
+        return np.array([column.noise for column in self._columns])
+
+    def _sets(self, size: int) -> tuple[Array, Array, Array]:
+        """Members (k, size) of the sets of independent columns, their scalar products (k, size, size), and the inverses of these."""
+        if size not in self._of_size:
+            sets = np.array(list(combinations(range(len(self._columns)), size)), dtype=np.intp).reshape(-1, size)
+            squares = self._products[sets[:, :, None], sets[:, None, :]]
+            sets, squares = (each[np.linalg.det(squares) > _DEPENDENT] for each in (sets, squares))
+            self._of_size[size] = sets, squares, np.linalg.inv(squares)
+        return self._of_size[size]
+
+    def alternatives(self, place: int, unknown: float, is_possible: Callable[[Mapping[int, float]], bool]) -> Iterator[tuple[int, ...]]:
+        """The sets of other values whose changes together do what a change of this one does: all of one, and the smallest of several.
+
+        Args:
+            unknown: the part of the column, in its length, that answers are too noisy to tell, for one other value. Of several, noise
+                would let too many pass: their columns are dependent to their own noise.
+            is_possible: of factors as in ``BaseParameters.combinations``, whether values may change so.
+        """
+        own, along = self._columns[place], self._products[place]
         # What does the same alone needs no other.
-        rest = [one for one in rest if size > 1 or one not in same]
+        is_asked = np.arange(len(self._columns)) != place
+        for size in range(1, _MOST_MEMBERS + 1):
+            sets, squares, inverses = self._sets(size)
+            asked = is_asked[sets].all(axis=1)
+            sets, squares, inverses = sets[asked], squares[asked], inverses[asked]
+            factors = np.einsum("sij,sj->si", inverses, along[sets])
+            uncertain = SAFETY * np.hypot(own.noise, np.linalg.norm(factors * self._noise[sets], axis=1))
+            bound = unknown * (size == 1) + uncertain
+            # The square of what is left has half of the digits: it sorts out, and what is left itself decides.
+            left = 1.0 - 2 * (factors * along[sets]).sum(axis=1) + np.einsum("si,sij,sj->s", factors, squares, factors)
+            near = (left <= bound**2 + _DEPENDENT * (1 + (factors**2).sum(axis=1))) & (uncertain <= _MOST_UNCERTAIN)
+            same, found = set[int](), list[tuple[int, ...]]()
+            for members, square, least in zip(sets[near].tolist(), squares[near], bound[near].tolist(), strict=True):
+                parts = np.linalg.solve(square, along[members])
+                if float(np.linalg.norm(own.direction - self._directions[:, members] @ parts)) <= least:
+                    same |= {*members}
+                    scaled = {one: float(part) * own.norm / self._columns[one].norm for one, part in zip(members, parts, strict=True)}
+                    found += [tuple(scaled)] * bool(is_possible(scaled))
+            yield from found
+            if size > 1 and found:
+                return
+            if size == 1:
+                is_asked[[*same]] = False
