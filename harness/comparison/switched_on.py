@@ -47,6 +47,8 @@ from harness.verdict import Verdict
 
 # Elements whose effect is said; each takes the file's being loaded once more.
 MOST_EFFECTS = 32
+# So many times smaller, an error was for the most part what a solver left.
+_MOSTLY = 10.0
 _UNEXPLAINED = "not judged: without them its answer is not what its readings make of the file, as told above"
 
 
@@ -197,9 +199,15 @@ def with_verdict(
     if record.explained or not names:
         return record
     # That the solver is stopped too early is the first suspicion of who uses it.
-    not_the_cause = "what its solver leaves is not the cause: {} data roundoffs remain if you {}"
-    still = [not_the_cause.format(error_text(left), remedy) for left, remedy in sorted(gone_on)[:1]]
+    still = [beyond_the_end(record.backward_error, left, remedy) for left, remedy in sorted(gone_on)[:1]]
     return replace(record, rest=[*case.left(answers, compared), *still])
+
+
+def beyond_the_end(before: float | None, left: float, remedy: str) -> str:
+    """What is left of an error where a solver goes on to the end, both in data roundoffs, as a sentence."""
+    is_cause = before is not None and left <= before / _MOSTLY
+    whose = "most of it is what its solver leaves, but" if is_cause else "what its solver leaves is not the cause:"
+    return f"{whose} {error_text(left)} data roundoffs remain if you {remedy}"
 
 
 def _change(case: FileCase, found: Array) -> float | None:

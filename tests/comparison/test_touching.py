@@ -14,7 +14,7 @@ import pytest
 from comparison.robots import edited, line_of, meant_by
 from support import call_engines_here
 
-from harness.comparison.switched_on import judge_switched_on, pose, with_verdict
+from harness.comparison.switched_on import beyond_the_end, judge_switched_on, pose, with_verdict
 from harness.engines.adapters.mujoco import robot as adapter
 from harness.explain import touching
 from harness.files.contacts import FoundContact, structure_of
@@ -158,6 +158,12 @@ NAMED = {
     "sign of the normal": "it is what contacts give whose normals point the other way",
     "bodies swapped": "it is what contacts give whose normals point the other way",
 }
+
+
+@pytest.mark.parametrize(("left", "whose"), [(6e3, "most of it is"), (3e6, "what its solver leaves is not the cause")])
+def test_whether_a_solver_that_goes_on_comes_nearer_is_said(left: float, whose: str) -> None:
+    said = beyond_the_end(3.1e6, left, "set this")
+    assert said.startswith(whose) and said.endswith("data roundoffs remain if you set this")
 
 
 @pytest.mark.parametrize("fault", FAULTS)
