@@ -95,7 +95,7 @@ class Robot:
     @property
     def meshes(self) -> tuple[int, ...]:
         """The lines of geoms whose inertia is that of a mesh as an engine compiled it, of each once."""
-        solids = [solid for body in self.tree.bodies for solid in body.solids if solid.kind == "mesh"]
+        solids = [solid for body in self.tree.bodies for solid in body.solids if solid.kind == "mesh" and not solid.is_massless]
         return tuple(dict.fromkeys(solid.place.line for solid in solids if solid.place))
 
     @property

@@ -13,6 +13,7 @@ from harness.comparison.robot_library import compiled_meshes
 from harness.files.mjcf.inertias import CompiledMesh, Number
 from harness.report.comparison import sections
 from harness.results.comparison import FileRecord, FilesComparison
+from harness.trees.robot import read_robot
 from harness.verdict import Verdict
 
 # A wedge, as solid and as shell, in frames and replicas, as a size for a box, in a body that is fused, and one of a given mass.
@@ -81,6 +82,21 @@ def test_a_mesh_of_one_kilogram_is_a_reading_of_pinocchio(tmp_path: Path) -> Non
         ("geoms that cannot collide", (5,)),
         ("inertia of meshes", (2,)),
     ]
+
+
+@pytest.mark.parametrize("massless", ['mass="0"', 'density="0"', 'class="bare"'])
+def test_so_is_a_mesh_that_weighs_nothing(massless: str, tmp_path: Path) -> None:
+    """It adds nothing to its body, and nobody compiles it; no inertia of a mesh is then unjudged."""
+    path = tmp_path / "mesh.xml"
+    path.write_text(f"""<mujoco><default><default class="bare"><geom mass="0"/></default></default>
+    <asset><mesh name="wedge" vertex="0 0 0 0.3 0 0 0 0.5 0 0.1 0 0.4"/></asset><worldbody>
+    <body name="one"><joint name="first" axis="0 1 0"/><geom name="felt" type="mesh" mesh="wedge" pos="0.1 0.2 0.3" {massless}/>
+    <geom name="ball" size="0.1" pos="0.2 0 0"/></body></worldbody></mujoco>""")
+    assert read_robot(path).meshes == ()
+    assert record_of(path, "mujoco").verdict == Verdict.AGREES
+    record = record_of(path, "pinocchio", aided=True)
+    assert record.outcome == "misreads"
+    assert [(reading.name, reading.lines) for reading in record.readings] == [("inertia of meshes", (3,))]
 
 
 def test_what_a_missing_mesh_stands_among_keeps_what_it_names(tmp_path: Path) -> None:

@@ -111,9 +111,13 @@ class Inertias:
         kind = "mesh" if self._is_mesh(geom) else resolved_text(geom, "type", "sphere")
         is_massless = not (density if mass is None else mass)
         # A massless solid adds nothing, and stays for those that read its mass otherwise.
-        if kind in _WEIGHTLESS or (is_massless and kind not in _SIZES):
+        if kind in _WEIGHTLESS or (is_massless and kind not in _SIZES and kind != "mesh"):
             return
-        if self._compile_meshes is not None and self._is_mesh(geom):
+        if kind == "mesh" and is_massless:
+            nothing = Fraction(0)
+            yield Solid(kind, (), attributes.pose(geom), nothing, nothing, place=source.place(geom), moments=ORIGIN)
+            return
+        if kind == "mesh" and self._compile_meshes is not None:
             yield self._mesh(geom, self._compile_meshes)
             return
         if kind not in _SIZES:
