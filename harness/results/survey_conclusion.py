@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from harness.results.comparison import FileRecord, FilesComparison, PairRecord, SubjectRecord
 from harness.results.conclusion import Conclusion
 from harness.results.pair_conclusion import conclude_pair
-from harness.results.readings import MOST_IN_CELL, explanation, names_of, share_text
-from harness.results.switched_on import names_off, parts_of_judged_kinds
+from harness.results.readings import MOST_IN_CELL, explanation, names_of, share_of_qdd, share_text
+from harness.results.switched_on import SwitchedOnRecord, names_off, parts_of_judged_kinds
 from harness.results.table import counted, first_of, grouped, joined
 from harness.verdict import Verdict
 
@@ -43,13 +43,28 @@ def _switched_on(found: FilesComparison) -> Iterator[str]:
     held = [one for one in found.switched_on if one.verdict]
     if held:
         whats = joined(list(dict.fromkeys(what for one in held for what in one.judged)))
-        agreeing = sum(one.explained and not (one.departures or one.misses_optimum) for one in held)
         moved = len({one.path for one in held if (one.together or 0.0) > MOVED})
         by = f"they move qdd by more than {share_text(MOVED)} on {counted(moved, 'robot')}"
-        yield f"With {whats} on, {agreeing} of {len(held)} answers agree with the documentation of the engine; {by}"
+        yield f"With {whats} on, {', '.join(_of_what_is_held(held))}; {by}"
     off = Counter(what for file in found.files for what in names_off(file.left_out, parts_of_judged_kinds(found.switched_on_of(file.path))))
     if off:
         yield f"Off: {', '.join(f'{what} ({count})' for what, count in off.most_common())}"
+
+
+def _of_what_is_held(held: Sequence[SwitchedOnRecord]) -> Iterator[str]:
+    """Counts of the answers with all on: of those that agree with the engine's documentation, and of the others by what becomes of them."""
+    stopping = [one for one in held if one.explained and one.misses_optimum]
+    departing = [one for one in held if one.explained and one.departures and not one.misses_optimum]
+    unexplained = [one for one in held if not one.explained]
+    agreeing = len(held) - len(stopping) - len(departing) - len(unexplained)
+    yield f"{agreeing} of {len(held)} answers agree with the documentation of the engine"
+    if stopping:
+        most = share_of_qdd(share_text(max(one.relative_error or 0.0 for one in stopping)))
+        yield f"{len(stopping)} {'ends' if len(stopping) == 1 else 'end'} where the solver stops before its solution, up to {most} from it"
+    if departing:
+        yield f"{len(departing)} {'departs' if len(departing) == 1 else 'depart'} from it for a known reason"
+    if unexplained:
+        yield f"{len(unexplained)} {'is' if len(unexplained) == 1 else 'are'} unexplained"
 
 
 def survey_summary(found: FilesComparison) -> str:

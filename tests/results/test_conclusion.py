@@ -226,6 +226,29 @@ def test_a_survey_counts_robots_by_what_is_to_be_done() -> None:
     assert found.rows == ["MuJoCo: agrees 1; refused 1", "Pinocchio: explained 1 (joint damping 1); unexplained 1 (joint damping 1)"]
 
 
+def test_a_survey_says_what_becomes_of_answers_that_are_not_as_documented() -> None:
+    """A reader would take those that a solver leaves early for wrong ones."""
+    sound = SwitchedOnRecord(
+        path="r.urdf",
+        engine="mujoco",
+        format="mjcf",
+        parts=[SwitchedOnPart(what="joint limits", kind="joint", line=3)],
+        verdict="agrees",
+        relative_error=1e-16,
+    )
+    stops = replace(sound, verdict="disagrees", backward_error=1e12, relative_error=2.3, to_the_end=1.5, remedy="set iterations")
+    departs = replace(sound, departures=[effect("some law", 0.1)])
+    wrong = replace(sound, verdict="disagrees", explained=False)
+    found = FilesComparison(files=[FILE], subjects=[AGREES], switched_on=[sound, stops, stops, departs, wrong])
+    assert (
+        "With joint limits on, 1 of 5 answers agree with the documentation of the engine, "
+        "2 end where the solver stops before its solution, up to 230 % of qdd from it, "
+        "1 departs from it for a known reason, 1 is unexplained; they move"
+    ) in conclude_survey(found).sentence
+    found.switched_on[:] = [sound]
+    assert "1 of 1 answers agree with the documentation of the engine; they move" in conclude_survey(found).sentence
+
+
 def worst(path: str) -> FilesComparison:
     """A file of which there is as much to say as can be."""
     readings = [effect(f"reading {number}", 0.5, sentence=f"Pinocchio does {number}") for number in range(50)]
