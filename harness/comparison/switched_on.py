@@ -204,7 +204,7 @@ def with_verdict(
 
 
 def beyond_the_end(before: float | None, left: float, remedy: str) -> str:
-    """What is left of an error where a solver goes on to the end, both in data roundoffs, as a sentence."""
+    """A sentence on what is ``left`` of an error, both in data roundoffs, where a solver goes on to the end."""
     is_cause = before is not None and left <= before / _MOSTLY
     whose = "most of it is what its solver leaves, but" if is_cause else "what its solver leaves is not the cause:"
     return f"{whose} {error_text(left)} data roundoffs remain if you {remedy}"
