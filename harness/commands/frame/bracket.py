@@ -194,7 +194,9 @@ class Bracket:
         except (SchedulerLost, KeyboardInterrupt, Terminated) as cause:
             if not parts and not isinstance(cause, SchedulerLost):
                 raise
-            cut_short(self, cause, f"{parts} of {study.steps} parts of the {study.title} were complete, and what follows is of those")
+            # There may be more of them than was known before.
+            so_far = f"{parts} of {study.steps}" if parts < study.steps else f"{parts}"
+            cut_short(self, cause, f"{so_far} parts of the {study.title} were complete, and what follows is of those")
         finally:
             if document is not None and (unwritten or self.cut_short is not None):
                 self.write_json(**document())
