@@ -130,8 +130,8 @@ class Touching:
         # They are the same numbers in all of these; one that no row takes is no parameter.
         places = [columns.get(parameter_name(one), -1) for one in measured_in(self.contacts[numbers[0]])]
         taken = [place >= 0 for place in places]
-        own = [list(map(float, itertools.compress(measured_in(self.contacts[number]), taken))) for number in numbers]
-        values[:, list(itertools.compress(places, taken))] = own
+        own = [[part for one in self.contacts[number] if isinstance(one.says, Touch) for part in one.says.numbers] for number in numbers]
+        values[:, list(itertools.compress(places, taken))] = np.array(own)[:, taken]
         return mechanism, values, np.array(numbers)
 
 

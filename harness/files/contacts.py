@@ -61,13 +61,8 @@ def contacts_of(found: Sequence[FoundContact], place: Place, cone: ConeKind) -> 
 
 
 def structure_of(contacts: Iterable[Constraint]) -> Hashable:
-    """Equal for contacts whose rows differ in the measured numbers alone, each of which is 0 for all or for none."""
-    return tuple((one.name, one.softness, _structure(one.says)) for one in contacts if isinstance(one.says, Touch))
-
-
-def _structure(touch: Touch) -> Hashable:
-    # A number of 0 is none of a program.
-    return touch.bodies, tuple(map(float, touch.friction)), touch.cone, touch.sliding, touch.compliance, tuple(map(bool, touch.measured))
+    """``Touch.structure`` of all contacts, with their softness."""
+    return tuple((one.name, one.softness, one.says.structure) for one in contacts if isinstance(one.says, Touch))
 
 
 def measured_in(contacts: Iterable[Constraint]) -> Iterator[Given]:

@@ -6,12 +6,12 @@ Source: MuJoCo documentation, Computation, sections Contact and Friction cones.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from fractions import Fraction
 
-from harness.files.given import Vector
+from harness.files.given import Given, Vector
 
 
 class ConeKind(StrEnum):
@@ -65,6 +65,18 @@ class Touch:
     def measured(self) -> tuple[Fraction, ...]:
         """The numbers that whoever looked for the point found at one state alone."""
         return *self.point, *(number for axis in self.frame for number in axis), self.distance, self.margin
+
+    @functools.cached_property
+    def numbers(self) -> tuple[float, ...]:
+        """Those of ``measured`` that are of the contact itself."""
+        return tuple(float(number) for number in self.measured if isinstance(number, Given))
+
+    @functools.cached_property
+    def structure(self) -> Hashable:
+        """Equal for contacts whose rows differ in the measured numbers alone, each of which is 0 for all or for none."""
+        # A number of 0 is none of a program.
+        is_there = tuple(number.numerator != 0 for number in self.measured)
+        return self.bodies, tuple(map(float, self.friction)), self.cone, self.sliding, self.compliance, is_there
 
     @property
     def directions(self) -> Sequence[tuple[Vector, bool]]:
