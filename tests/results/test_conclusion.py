@@ -238,8 +238,9 @@ def test_a_survey_says_what_becomes_of_answers_that_are_not_as_documented() -> N
     )
     stops = replace(sound, verdict="disagrees", backward_error=1e12, relative_error=2.3, to_the_end=1.5, remedy="set iterations")
     departs = replace(sound, departures=[effect("some law", 0.1)])
+    both = replace(stops, departures=departs.departures)
     wrong = replace(sound, verdict="disagrees", explained=False)
-    found = FilesComparison(files=[FILE], subjects=[AGREES], switched_on=[sound, stops, stops, departs, wrong])
+    found = FilesComparison(files=[FILE], subjects=[AGREES], switched_on=[sound, stops, both, departs, wrong])
     assert (
         "With joint limits on, 1 of 5 answers agree with the documentation of the engine, "
         "2 end where the solver stops before its solution, up to 230 % of qdd from it, "
